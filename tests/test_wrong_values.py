@@ -191,8 +191,8 @@ def test_gravity_is_one_finite_number(value: Any) -> None:
                 "gravity",
                 value,
                 "number",
-                lambda: record(vehicle=vehicle(), gravity=value),
-            )  # noqa: B023
+                lambda: record(vehicle=vehicle(), gravity=value),  # noqa: B023
+            )
 
 
 def test_gravity_does_not_push_up() -> None:
@@ -201,8 +201,8 @@ def test_gravity_does_not_push_up() -> None:
             "gravity",
             -9.81,
             "must be at least 0",
-            lambda: record(vehicle=vehicle(), gravity=-9.81),
-        )  # noqa: B023
+            lambda: record(vehicle=vehicle(), gravity=-9.81),  # noqa: B023
+        )
 
 
 @pytest.mark.parametrize("value", [["case1"], None, 3], ids=repr)

@@ -104,7 +104,8 @@ def _require_consistent(study: IdentificationStudy) -> None:
         for k, name in enumerate(names):
             if allowed is not None and name not in allowed:
                 raise ValueError(
-                    f"{at} = {shown(name)}: must be {what}: {', '.join(allowed) or 'none'}"
+                    f"{at} = {shown(name)}: must be {what}:"
+                    f" {', '.join(allowed) or 'none'}"
                 )
             if name in names[:k]:
                 raise ValueError(f"{at} = {shown(name)}: must be there once")
@@ -134,7 +135,8 @@ def _require_meant(study: IdentificationStudy) -> None:
     for i, choice in enumerate(study.plan.choices):
         if not choice.options:
             raise ValueError(
-                f"choices[{i}].options: must have at least one, the first of which leaves all as it is"
+                f"choices[{i}].options: must have at least one, the first of which"
+                " leaves all as it is"
             )
     for i, parameter in enumerate(study.plan.parameters):
         _require_range(f"parameters[{i}]", parameter)
@@ -143,7 +145,8 @@ def _require_meant(study: IdentificationStudy) -> None:
         for pattern in target.flights:
             if not any(map(Names((pattern,)).fit, flights)):
                 raise ValueError(
-                    f"{at}.flights = {shown(pattern)}: must fit one of {', '.join(flights)}"
+                    f"{at}.flights = {shown(pattern)}: must fit one of"
+                    f" {', '.join(flights)}"
                 )
 
 
@@ -221,11 +224,13 @@ def _require_range(at: str, parameter: Parameter) -> None:
         )
     if not low < high or (parameter.scale == "log" and low <= 0.0):
         raise ValueError(
-            f"{at}.high = {high!r}: must be above low = {low!r}, which is above 0 on a log scale"
+            f"{at}.high = {high!r}: must be above low = {low!r}, which is above 0"
+            " on a log scale"
         )
     if not (high - low) * FINEST <= step <= high - low:
         raise ValueError(
-            f"{at}.step = {step!r}: must be from a millionth of high - low to all of it, {high - low:g}"
+            f"{at}.step = {step!r}: must be from a millionth of high - low to all of"
+            f" it, {high - low:g}"
         )
 
 

@@ -15,7 +15,8 @@ A file has ``schema = 1``, ``name``, ``title``, ``seed`` and these tables::
     [groups]        NAME = ["FLIGHT/CELL", ...]: patterns of cells; "!" in front takes
                     away again
     [[parameters]]  name, words, unit, low, high, step, scale ("linear" or "log"),
-                    targets = [{ flights = [patterns], path, factor (1), offset (0), when = { CHOICE = "OPTION" } }]
+                    targets = [{ flights = [patterns], path, factor (1), offset (0),
+                    when = { CHOICE = "OPTION" } }]
     [[choices]]     name, words, options = [{ name, words, sets = [{ flights, path,
                     value, when }],
                     tables = [{ flights, table = NAME }] }]
@@ -401,7 +402,8 @@ def _flight(fields: Fields, overlays: Mapping[str, Any], folder: Path) -> Flight
     for each in over:
         if each not in overlays:
             raise ValueError(
-                f"{fields.at('over')} = {shown(each)}: must be one of the tables: {', '.join(overlays)}"
+                f"{fields.at('over')} = {shown(each)}: must be one of the tables:"
+                f" {', '.join(overlays)}"
             )
     file, beside = LIBRARY / f"{scenario}.toml", Path()
     if scenario not in list_scenarios():
@@ -409,7 +411,10 @@ def _flight(fields: Fields, overlays: Mapping[str, Any], folder: Path) -> Flight
             unreadable(folder / scenario) if isinstance(scenario, str) else "no text"
         )
         if reason:
-            words = f"must be a file beside this one ({reason}), or one of {', '.join(list_scenarios())}"
+            words = (
+                f"must be a file beside this one ({reason}), or one of"
+                f" {', '.join(list_scenarios())}"
+            )
             raise ValueError(f"{fields.at('scenario')} = {shown(scenario)}: {words}")
         file, beside = folder / scenario, (folder / scenario).parent
     try:
@@ -438,7 +443,8 @@ def _cells(flight: Fields, name: str) -> Iterator[PublishedNumber]:
             measured = math.nan
         if not math.isfinite(measured) or measured == 0.0:
             raise ValueError(
-                f"{fields.at('measured')} = {shown(text)}: must be a number other than 0, as text"
+                f"{fields.at('measured')} = {shown(text)}: must be a number other than"
+                " 0, as text"
             )
         # of the last digit that is written, whatever the notation: 0.0305, 3.05e-2
         last = Decimal(text).as_tuple().exponent

@@ -1,4 +1,5 @@
-# The public names and where each is defined: read by type checkers, and by __init__.py at the first use of a name.
+# The public names and where each is defined: read by type checkers, and by
+# __init__.py at the first use of a name.
 
 from skyarm import paper as paper
 from skyarm.algebra import Mat3 as Mat3

@@ -33,7 +33,9 @@ from pathlib import Path
 from skyarm.studies.sweep import run_sweep, study_from
 study = study_from(json.loads(sys.argv[1]))
 print("ready", flush=True)
-run_sweep(study, Path(sys.argv[2]), progress=lambda done, total: print(done, flush=True))
+run_sweep(
+    study, Path(sys.argv[2]), progress=lambda done, total: print(done, flush=True)
+)
 """
 
 LIMITED = """
@@ -44,7 +46,9 @@ from skyarm.studies.sweep import run_sweep, study_from
 study = study_from(json.loads(sys.argv[1]))
 def progress(done, total):
     if done >= 16:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), resource.RLIM_INFINITY))
+        resource.setrlimit(
+            resource.RLIMIT_FSIZE, (int(sys.argv[3]), resource.RLIM_INFINITY)
+        )
 try:
     run_sweep(study, Path(sys.argv[2]), progress=progress)
 except OSError as error:

@@ -59,18 +59,23 @@ DOCS = Path(__file__).parents[2] / "docs"
 URDF = b"""<?xml version="1.0"?>
 <robot name="arm">
   <link name="trunk"><inertial><origin xyz="0 0 0.1" rpy="0 0 0.3"/><mass value="1.2"/>
-    <inertia ixx="0.01" iyy="0.02" izz="0.02" ixy="0" ixz="0.001" iyz="0"/></inertial></link>
+    <inertia ixx="0.01" iyy="0.02" izz="0.02" ixy="0" ixz="0.001" iyz="0"/></inertial>
+      </link>
   <link name="upper"><inertial><mass value="0.3"/>
-    <inertia ixx="0.001" iyy="0.002" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <inertia ixx="0.001" iyy="0.002" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial>
+      </link>
   <link name="lower"/>
   <link name="tip"><inertial><mass value="0.1"/>
-    <inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="shoulder" type="revolute"><parent link="trunk"/><child link="upper"/><origin xyz="0 0 -0.1"/>
+    <inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial>
+      </link>
+  <joint name="shoulder" type="revolute"><parent link="trunk"/><child link="upper"/>
+    <origin xyz="0 0 -0.1"/>
     <axis xyz="0 1 0"/><limit lower="-1.5" upper="1.5" effort="3" velocity="5"/>
     <dynamics damping="0.1" friction="0.01"/></joint>
   <joint name="slide" type="prismatic"><parent link="upper"/><child link="lower"/>
     <axis xyz="0 0 1"/><limit lower="0.1" upper="0.1" effort="3" velocity="5"/></joint>
-  <joint name="wrist" type="continuous"><parent link="lower"/><child link="tip"/><origin xyz="0 0 0.2" rpy="0.1 0 0"/>
+  <joint name="wrist" type="continuous"><parent link="lower"/><child link="tip"/>
+    <origin xyz="0 0 0.2" rpy="0.1 0 0"/>
     <axis xyz="1 0 0"/></joint>
 </robot>
 """
@@ -85,27 +90,36 @@ MJCF = b"""<?xml version="1.0"?>
       <inertial pos="0 0 0.01" mass="1.5" diaginertia="0.02 0.02 0.03"/>
       <body name="upper" pos="0 0 -0.1" euler="0 0 0.2">
         <joint name="yaw" axis="0 0 1" range="-1 1" limited="true"/>
-        <joint name="pitch" axis="0 1 0" pos="0 0 0.02" ref="0.1" armature="0.001" frictionloss="0.02"/>
-        <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.02"/><site name="tip" pos="0 0 -0.2"/>
-        <body name="left"><joint name="l" type="slide" axis="0 1 0"/><geom size="0.01"/></body>
-        <body name="right"><joint name="r" type="slide" axis="0 1 0"/><geom size="0.01"/></body>
+        <joint name="pitch" axis="0 1 0" pos="0 0 0.02" ref="0.1" armature="0.001"
+          frictionloss="0.02"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.02"/>
+          <site name="tip" pos="0 0 -0.2"/>
+        <body name="left"><joint name="l" type="slide" axis="0 1 0"/><geom size="0.01"/>
+          </body>
+        <body name="right"><joint name="r" type="slide" axis="0 1 0"/>
+          <geom size="0.01"/></body>
       </body>
     </body>
   </worldbody>
   <equality><joint joint1="r" joint2="l" polycoef="0 -1 0 0 0"/></equality>
-  <actuator><motor name="m" joint="pitch" gear="2" ctrlrange="-1 1" ctrllimited="true"/></actuator>
+  <actuator><motor name="m" joint="pitch" gear="2" ctrlrange="-1 1" ctrllimited="true"/>
+    </actuator>
 </mujoco>
 """
 
 GRIPPER = b"""<robot name="gripper">
   <link name="mount"><inertial><mass value="0.1"/>
-    <inertia ixx="1e-4" iyy="1e-4" izz="1.9e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <inertia ixx="1e-4" iyy="1e-4" izz="1.9e-4" ixy="0" ixz="0" iyz="0"/></inertial>
+      </link>
   <link name="left"><inertial><mass value="0.1"/>
-    <inertia ixx="1e-4" iyy="1e-4" izz="2.1e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <inertia ixx="1e-4" iyy="1e-4" izz="2.1e-4" ixy="0" ixz="0" iyz="0"/></inertial>
+      </link>
   <link name="right"><inertial><mass value="0.1"/>
     <inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial>
-    <visual><geometry><mesh filename="package://gripper/right.stl"/></geometry></visual></link>
-  <joint name="l" type="prismatic"><parent link="mount"/><child link="left"/><limit lower="0" upper="0.1"/></joint>
+    <visual><geometry><mesh filename="package://gripper/right.stl"/></geometry></visual>
+      </link>
+  <joint name="l" type="prismatic"><parent link="mount"/><child link="left"/>
+    <limit lower="0" upper="0.1"/></joint>
   <joint name="r" type="prismatic"><parent link="mount"/><child link="right"/>
     <mimic joint="l" multiplier="-1" offset="0.01"/></joint>
   <transmission name="t"/>
@@ -209,13 +223,19 @@ damping = [12.0, 10.0]
 [reference]
 base = { kind = "circle", center = [0.0, 0.0, 1.0], radius = 1.0, frequency_hz = 0.1 }
 yaw = { kind = "ramp", start = 0.02, duration = 0.05, height = 0.1, shape = "quintic" }
-joints = [{ kind = "sine", amplitude = 0.1, frequency_hz = 1.0, start = 0.0, stop = 2.0 }, 0.05]
+joints = [
+    { kind = "sine", amplitude = 0.1, frequency_hz = 1.0, start = 0.0, stop = 2.0 },
+    0.05,
+]
 [environment]
 ground = false
 [environment.wind]
 mode = "moving_air"
 velocity = [1.0, 0.0, 0.0]
-gust = { velocity = [0.0, 1.0, 0.0], start = 0.02, duration = 0.03, shape = "one_minus_cosine" }
+gust.velocity = [0.0, 1.0, 0.0]
+gust.start = 0.02
+gust.duration = 0.03
+gust.shape = "one_minus_cosine"
 turbulence = { altitude = 6.0, wind_20ft = 7.7 }
 [sensors]
 position = 0.002

@@ -61,7 +61,11 @@ def test_options_behind_the_colon_are_those_of_the_record() -> None:
         climb=1.5,
         transcript="a.tape",
     )
-    tables = 'px4:parameters={MPC_XY_P=1.2,A=1},joint_gains={stiffness=[20,20],damping=[5,5]},transcript="a,b",climb=2'
+    tables = (
+        "px4:parameters={MPC_XY_P=1.2,A=1},"
+        "joint_gains={stiffness=[20,20],damping=[5,5]},"
+        'transcript="a,b",climb=2'
+    )
     par = with_typed_options(scenario, tables).controller.par
     assert par.autopilot.parameters == (("MPC_XY_P", 1.2), ("A", 1))
     assert (

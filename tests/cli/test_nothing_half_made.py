@@ -33,7 +33,8 @@ def make(model):
     inner = make_controller("decoupled_pd", model)
     def law(memory, measurement, reference, dt, *, par):
         memory, command = inner.law(memory, measurement, reference, dt, par=par)
-        return memory, skyarm.Command(rotor_speeds=command.rotor_speeds, efforts=command.efforts{wrong})
+        speeds, efforts = command.rotor_speeds, command.efforts
+        return memory, skyarm.Command(rotor_speeds=speeds, efforts=efforts{wrong})
     return skyarm.Controller(name="mine", law=law, par=inner.par, memory=inner.memory)
 """
 

@@ -35,7 +35,8 @@ def law(memory, measurement, reference, dt, *, par):
     RAISE
 
 def make(model):
-    return skyarm.Controller(name="mine", law=law, par=Par(model=model), compiled=COMPILED)
+    par = Par(model=model)
+    return skyarm.Controller(name="mine", law=law, par=par, compiled=COMPILED)
 """
 )
 MAKER = HEAD + "def make(model):\n    RAISE\n"

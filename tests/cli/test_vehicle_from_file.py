@@ -40,7 +40,8 @@ def motor(k, without=()):
         f' link="hull"/><child link="p{k}"/>'
         f'<origin xyz="{" ".join(map(str, PLACES[k]))}"/></joint>'
         "<gazebo><plugin"
-        f' name="m{k}"><linkName>p{k}</linkName><motorNumber>{k}</motorNumber>{turned}</plugin></gazebo>'
+        f' name="m{k}"><linkName>p{k}</linkName>'
+        f"<motorNumber>{k}</motorNumber>{turned}</plugin></gazebo>"
     )
 
 
@@ -237,7 +238,8 @@ def test_gaps_are_comments_that_the_file_asks_for_until_they_are_filled(
     assert load_vehicle("mine.toml").rotors == load_vehicle("whole.urdf").rotors
 
 
-TILTING = """<mujoco><compiler angle="radian"/><worldbody><body name="hull"><freejoint/><geom size="0.1" mass="1"/>
+TILTING = """<mujoco><compiler angle="radian"/><worldbody><body name="hull"><freejoint/>
+  <geom size="0.1" mass="1"/>
 {}</body></worldbody><actuator>{}</actuator></mujoco>"""
 
 

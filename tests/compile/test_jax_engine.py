@@ -273,7 +273,8 @@ import jax, numpy as np
 from stepped_flights import *
 jax.config.update("jax_enable_x64", True)
 def flight(step):
-    return JaxKernel(trace_loop(step, TILTED, CONTROLLER.par, flight_row()), lanes_per_block=3)
+    loop = trace_loop(step, TILTED, CONTROLLER.par, flight_row())
+    return JaxKernel(loop, lanes_per_block=3)
 carry, parameters = flight_lanes(4)
 carry[10, 2] = np.nan  # one lane's roll rate
 final, _ = flight(flight_step).run(carry, parameters, flight_rows(int(sys.argv[2])))
@@ -442,7 +443,8 @@ jax.config.update("jax_enable_x64", True)
 print(jax.jit(lambda x: x + 1.0)(np.arange(3.0)).tolist())
 configure_cpu()
 assert os.environ["XLA_FLAGS"] == flags
-assert flags.startswith("--xla_cpu_enable_fast_math=false --xla_cpu_prefer_vector_width=512 "), flags
+given = "--xla_cpu_enable_fast_math=false --xla_cpu_prefer_vector_width=512 "
+assert flags.startswith(given), flags
 """
 
 

@@ -91,10 +91,14 @@ from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop
 from skyarm.compile.llvm.kernel import Kernel
 shared_steps.SHARED = 1e-12
-kernel = Kernel(trace_loop(lambda c, p, r, u: oscillator(c, p, u[:1], u), (0.0, 0.0), (0.0,), (), ((0, 2),)), Lanes(4))
+def driven(carry, parameters, row, uniforms):
+    return oscillator(carry, parameters, uniforms[:1], uniforms)
+loop = trace_loop(driven, (0.0, 0.0), (0.0,), (), ((0, 2),))
+kernel = Kernel(loop, Lanes(4))
 def fly(steps=50, lanes=103, threads=3):
     carry = np.vstack([np.linspace(0.1, 1.0, lanes), np.zeros(lanes)])
-    return kernel.run(carry, np.linspace(1.0, 30.0, lanes)[None], np.zeros((steps, 0)), threads=threads)[0]
+    stiffness, rows = np.linspace(1.0, 30.0, lanes)[None], np.zeros((steps, 0))
+    return kernel.run(carry, stiffness, rows, threads=threads)[0]
 def endless(**options):
     fly(steps=10**15, **options)  # rows without numbers take no memory
 expected = fly()
@@ -147,7 +151,8 @@ def hear(*_):
     threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGTERM)).start()
 for lanes in (1, 50_000):
     option = dict(lanes=lanes, threads={threads})
-    for number in (signal.SIGALRM, signal.SIGTERM, signal.SIGUSR1) if lanes == 1 else (signal.SIGTERM,):
+    every = (signal.SIGALRM, signal.SIGTERM, signal.SIGUSR1)
+    for number in every if lanes == 1 else (signal.SIGTERM,):
         signal.signal(number, end)
         try:
             threading.Timer(0.05, os.kill, (os.getpid(), number)).start()
@@ -158,7 +163,8 @@ for lanes in (1, 50_000):
             signal.setitimer(signal.ITIMER_REAL, 0.05)
             endless(**option)
         except Ended: print("ended")
-    for interrupt in (lambda: os.kill(os.getpid(), signal.SIGINT), _thread.interrupt_main)[:1 + (lanes == 1)]:
+    by_signal = lambda: os.kill(os.getpid(), signal.SIGINT)
+    for interrupt in (by_signal, _thread.interrupt_main)[:1 + (lanes == 1)]:
         try:
             threading.Timer(0.05, interrupt).start()
             endless(**option)
@@ -189,7 +195,8 @@ draw, seen, until = np.random.default_rng(1), 0, time.monotonic() + 3.0
 whole = fly(500, 2000)
 while time.monotonic() < until:
     try:
-        signal.setitimer(signal.ITIMER_REAL, draw.uniform(2e-5, took * draw.choice([0.1, 1.2])))
+        seconds = draw.uniform(2e-5, took * draw.choice([0.1, 1.2]))
+        signal.setitimer(signal.ITIMER_REAL, seconds)
         fly(500, 2000, threads=int(draw.integers(2, 9)))
         signal.setitimer(signal.ITIMER_REAL, 0.0)
     except KeyboardInterrupt: seen += 1

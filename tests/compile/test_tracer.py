@@ -20,7 +20,8 @@ from skyarm.compile.tracing.tracer import pause_collection
 
 
 def line_of(function, offset):
-    return rf"{function.__code__.co_filename}:{function.__code__.co_firstlineno + offset}: "
+    code = function.__code__
+    return rf"{code.co_filename}:{code.co_firstlineno + offset}: "
 
 
 def branch_if(x):

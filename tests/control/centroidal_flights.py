@@ -33,7 +33,7 @@ PERIOD = 0.005
 
 
 @dataclass(frozen=True)
-class Flown:
+class FlightErrors:
     """Of seeds x instants: mm, mrad; jitter in rad/s per period; memory after the last
     step of the first seed.
     """
@@ -79,7 +79,7 @@ def _table(record: Any, count: int) -> Any:
     return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
 
-def fly(scenario: Scenario, seeds: int = 1) -> Flown:
+def fly(scenario: Scenario, seeds: int = 1) -> FlightErrors:
     """Fly the scenario with several draws of its noise; every episode must live to its
     end.
     """
@@ -121,7 +121,7 @@ def fly(scenario: Scenario, seeds: int = 1) -> Flown:
         columns["command"].append(_table(sample.command.rotor_speeds, count))
     found = {name: np.array(values) for name, values in columns.items()}
     steady = inputs.times >= 0.5 * scenario.duration
-    return Flown(
+    return FlightErrors(
         time=inputs.times,
         base=1e3 * np.linalg.norm(found["position"] - position_d, axis=2),
         joint=1e3 * np.linalg.norm(found["joints"] - joints_d, axis=2),

@@ -1,8 +1,9 @@
 """Measure how well the hexarotor places boxes that it grips beside their middle: a
 table of docs/results_contact.md.
 
-    python tests/control/measure_boxes.py [--seeds 2] [--seed 211] [--grippers magnet jaw ball] [--bandwidths 1 0.7]
-                                          [--friction 0.5] [--dwell 1] [--small]
+    python tests/control/measure_boxes.py [--seeds 2] [--seed 211]
+        [--grippers magnet jaw ball] [--bandwidths 1 0.7] [--friction 0.5] [--dwell 1]
+        [--small]
 
 Of each kind of gripper, mass and size: boxes that were picked, carried and stand within
 10 mm, and how far they stand from where they were to be (mean and largest, mm).

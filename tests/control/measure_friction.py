@@ -40,13 +40,8 @@ def rows(_seeds, _seed):
         path = "plant.vehicle.links.0.joint.damping"
         log = skyarm.run(with_numbers(batch.scenario, numbers | {path: FRICTION}))
         late = log.time >= AXES["circle"].start
-        yield (
-            CASE,
-            part,
-            (
-                f"{1e3 * np.linalg.norm(log.tip - log.tip_reference, axis=1)[late].mean():.1f}"
-            ),
-        )
+        errors = np.linalg.norm(log.tip - log.tip_reference, axis=1)[late]
+        yield CASE, part, f"{1e3 * errors.mean():.1f}"
 
 
 if __name__ == "__main__":

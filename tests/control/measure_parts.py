@@ -1,8 +1,8 @@
 """Measure what parts are worth: the table of docs/results_laws.md, of the law as it is
 and without one of them.
 
-    python tests/control/measure_parts.py [--row TRIAL[:VALUE]] [--law NAME] [--vehicle NAME] [--seed 400] [--seeds 4]
-                                          [--small]
+    python tests/control/measure_parts.py [--row TRIAL[:VALUE]] [--law NAME]
+        [--vehicle NAME] [--seed 400] [--seeds 4] [--small]
 
 Prints of each trial of the envelope, at each value, the mean error of the tip (mm) over
 the seeds by every law of ``LAWS``, or "lost" with the count of flights that ended

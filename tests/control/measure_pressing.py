@@ -1,7 +1,8 @@
 """Measure how well the centroidal law presses: tables of docs/results_contact.md, a
 batch a row or several.
 
-    python tests/control/measure_pressing.py pushes|approaches [--seeds 20] [--seed 5] [--small]
+    python tests/control/measure_pressing.py pushes|approaches
+        [--seeds 20] [--seed 5] [--small]
 
 ``pushes``: completed flights, error and ripple of the force, and error of the tip
 across the normal, mean and largest over the flights. ``approaches``: completed flights

@@ -1,7 +1,8 @@
 """Measure the rows of contact tasks that a batch of pushes does not show: winds, edges,
 loads, handles, pegs.
 
-    python tests/control/measure_tasks.py winds|edges|loads|handles|pegs [--seeds 20] [--seed 5] [--small]
+    python tests/control/measure_tasks.py winds|edges|loads|handles|pegs
+        [--seeds 20] [--seed 5] [--small]
 
 Tables of docs/results_contact.md. Noise is that of ``measure_pressing.py``.
 """

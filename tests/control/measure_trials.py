@@ -2,7 +2,8 @@
 run, on MuJoCo's plant.
 
     git worktree add ../before 2806b03d
-    python tests/control/measure_trials.py ../before/src [--rows PATTERN] [--seeds 8] [--seed 700]
+    python tests/control/measure_trials.py ../before/src [--rows PATTERN] [--seeds 8]
+        [--seed 700]
 
 Prints of each trial the mean error of the tip (mm, over time and seeds), the jitter
 (mean change of a rotor's command in one control period, rad/s) and how many flights

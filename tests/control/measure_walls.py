@@ -1,7 +1,8 @@
 """Measure presses on soft and stiff walls, with weak joints, and with a quarter and
 half of what the joints can hold.
 
-    python tests/control/measure_walls.py stiffness|weak_joints|other_arms [--seeds 20] [--seed 5] [--small]
+    python tests/control/measure_walls.py stiffness|weak_joints|other_arms
+        [--seeds 20] [--seed 5] [--small]
 
 Tables of docs/results_contact.md. Noise is that of ``measure_pressing.py``.
 """

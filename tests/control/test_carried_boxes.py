@@ -18,7 +18,7 @@ from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.contact.load import LoadGains
 from skyarm.control.laws.centroidal.parameters import Step
 from skyarm.control.laws.centroidal.tip_tasks import (
-    Now,
+    PresentMotion,
     TipGoal,
     derivative,
     joint_accelerations,
@@ -105,7 +105,7 @@ def turned_by(gains, error, rates=(0.0,) * ARM.n, calm=()):
     joints, still = JOINTS, (0.0,) * ARM.n
     arm = posture(ARM, moving(joints, rates, still), 2)
     tip = derivative(arm.tip, 0)
-    now = Now(
+    now = PresentMotion(
         R=Mat3.identity(),
         rate=ZERO,
         alpha=ZERO,

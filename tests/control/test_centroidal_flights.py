@@ -77,9 +77,8 @@ def tilt(flown):
 def test_joint_mode_with_the_perfect_state_keeps_errors_below_half_a_millimetre():
     wind, arm = fly(planned("case3_wind")), fly(planned("case2"))
     assert wind.mean("base") < 0.25
-    assert wind.mean("tip") == pytest.approx(
-        83.5, abs=1.0
-    )  # 0.3 m times the tilt, for any law that keeps base and joints
+    # 0.3 m times the tilt, for any law that keeps base and joints
+    assert wind.mean("tip") == pytest.approx(83.5, abs=1.0)
     assert arm.mean("base") < 0.1
     assert arm.mean("joint") < 0.4
 

@@ -83,9 +83,10 @@ def test_with_a_preview_no_derivative_steps_at_a_sample():
     size.
     """
     w = 2.0 * np.pi
-    at = lambda t: tuple(
-        float(w**k * np.sin(w * t + 0.5 * np.pi * k)) for k in range(3)
-    )  # noqa: E731
+
+    def at(t):
+        return tuple(float(w**k * np.sin(w * t + 0.5 * np.pi * k)) for k in range(3))
+
     ends = []
     for begin, age in ((0.3, PERIOD), (0.3 + PERIOD, 0.0)):
         rows = [[at(begin + k * PERIOD)] for k in range(3)]

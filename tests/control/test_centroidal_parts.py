@@ -31,7 +31,7 @@ from skyarm.control.laws.centroidal.com_tracking import thrust
 from skyarm.control.laws.centroidal.demands import first_following
 from skyarm.control.laws.centroidal.step_records import AccelerationDemand, Planned
 from skyarm.control.laws.centroidal.tip_tasks import (
-    Now,
+    PresentMotion,
     TipGoal,
     goal,
     joint_accelerations,
@@ -454,7 +454,7 @@ def test_joint_accelerations_give_the_tip_and_the_links_what_they_were_asked_for
         rates.append(Vec3(S[2, 1], S[0, 2], S[1, 0]))
         accelerations.append(Vec3(A[2, 1], A[0, 2], A[1, 0]))
     R = Mat3(*(vec(row) for row in first.as_matrix()))
-    now = Now(
+    now = PresentMotion(
         R=R,
         rate=vec(w),
         alpha=vec(alpha),
@@ -743,7 +743,7 @@ def asked_of_two_arms(gains, pull, preferred):
     still = (0.0,) * vehicle.n
     arms = posture(vehicle, moving(still, still, still), 2)
     tip = derivative(arms.tip, 0)
-    now = Now(
+    now = PresentMotion(
         R=Mat3.identity(),
         rate=zero,
         alpha=zero,

@@ -308,16 +308,16 @@ def test_the_observer_predicts_by_pinocchio_in_the_middle_of_the_period(seed):
     there = RandomState(
         np.zeros(3), q, 0.5 * (joints + after), np.concatenate([velocity, rate, rates])
     )
-    foretold = there.velocity + twin.forward_dynamics(there, applied, 9.8) * DT
+    predicted = there.velocity + twin.forward_dynamics(there, applied, 9.8) * DT
     bandwidths = np.array([27.0] * 3 + [31.0] * 3 + [34.0] * 2)
     b = np.exp(-bandwidths * DT)
     missed = twin.mass_matrix(there) @ (off * (1.0 - b) ** 2 / DT)
     for free in ((1.0, 1.0, 1.0), (0.0, 1.0, 0.0)):
-        found = observed(foretold + off, free)
+        found = observed(predicted + off, free)
         moved = np.concatenate(
             [array(found.velocity), array(found.rate), found.joint_rates]
         )
-        np.testing.assert_allclose(moved, foretold + off * (1.0 - b**2), atol=1e-5)
+        np.testing.assert_allclose(moved, predicted + off * (1.0 - b**2), atol=1e-5)
         learned = np.concatenate(
             [array(found.force), array(found.torque), found.efforts]
         )

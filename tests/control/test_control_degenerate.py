@@ -134,9 +134,8 @@ def test_an_attitude_error_of_180_degrees_is_finite_and_turns_about_its_axis(
         np.testing.assert_allclose(
             np.abs(ALLOCATION[:3] @ raw), torque, rtol=1e-9, atol=1e-12
         )
-        assert np.sign(raw.sum()) == (
-            1.0 if axis == "z" else -1.0
-        )  # thrust along body z, which points down on its back
+        # thrust along body z, which points down on its back
+        assert np.sign(raw.sum()) == (1.0 if axis == "z" else -1.0)
 
 
 def _reference():

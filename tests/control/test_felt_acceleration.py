@@ -18,8 +18,8 @@ from skyarm.control.blocks.disturbance_observer import (
     LARGEST_BIAS,
     MOST,
     AccelerometerGains,
-    Felt,
     ObserverGains,
+    TranslationEstimate,
     first_observed,
     measure_translation,
     modelled_specific_force,
@@ -51,7 +51,7 @@ UP = np.array([0.0, 0.0, G])
 BIAS = np.array([0.3, -0.2, 0.25])
 LEVEL = Rotation.identity()
 WIDE = dataclasses.replace(GAINS, agreement=10.0)
-STILL = Felt(
+STILL = TranslationEstimate(
     velocity=ZERO3,
     bias=Vec3(0.0, 0.0, 0.0),
     change=ZERO3,

@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 import skyarm
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance_observer import (
-    Told,
+    ObserverCorrections,
     disturbance,
     first_observed,
     observe,
@@ -68,7 +68,7 @@ def told_by(angular, joints, *corrections):
         accelerations=lambda model, squares, efforts: (None, angular, joints)
     )
     turned, bent = corrections
-    return Told(
+    return ObserverCorrections(
         amid=amid,
         innovation=None,
         known=1.0,
@@ -85,7 +85,7 @@ def learn(gains, memory, told, measurement, started, free, isolated, dt):
     # the model always tells of the newest command
     par, seen = (
         SimpleNamespace(model=None, delay_periods=gains.stride * gains.earlier),
-        SimpleNamespace(told=told),
+        SimpleNamespace(corrections=told),
     )
     step = SimpleNamespace(
         par=par, seen=seen, measurement=measurement, memory=before, timing=timing, dt=dt
@@ -419,7 +419,7 @@ def test_the_model_answers_the_command_that_a_measurement_is_of(periods, earlier
             heard.append(told) or (None, Vec3(0.0, 0.0, 0.0), (0.0, 0.0))
         )
     )
-    told = Told(
+    told = ObserverCorrections(
         amid=amid,
         innovation=None,
         known=1.0,
@@ -428,7 +428,7 @@ def test_the_model_answers_the_command_that_a_measurement_is_of(periods, earlier
         joint_corrections=(0.0, 0.0),
     )
     step = SimpleNamespace(
-        seen=SimpleNamespace(told=told),
+        seen=SimpleNamespace(corrections=told),
         measurement=Rates(rate=Vec3(0.0, 0.0, 0.0), joint_rates=(0.0, 0.0)),
         memory=SimpleNamespace(started=1.0, free=(1.0,) * 3),
         dt=DT,
@@ -752,7 +752,7 @@ def test_the_observer_tells_by_how_much_its_disturbance_changes():
     _, angular, joints = told.amid.accelerations(
         MODEL, (500.0**2,) * 4, command.efforts
     )
-    for gain, rate, foretold, correction in (
+    for gain, rate, predicted, correction in (
         (
             par.observer.torque,
             measured.rate,
@@ -767,5 +767,5 @@ def test_the_observer_tells_by_how_much_its_disturbance_changes():
         ),
     ):
         share = (1.0 - math.exp(-gain * DT)) ** 2 / DT
-        wanted = [share * (m - f) for m, f in zip(rate, foretold, strict=True)]
+        wanted = [share * (m - f) for m, f in zip(rate, predicted, strict=True)]
         assert list(correction) == pytest.approx(wanted)

@@ -49,7 +49,7 @@ def fed(noise, lacking=0.0, *, bandwidth=27.0, dt=DT, gains=GAINS):
             seen, pushed = measured - b * b * off, pushed + (1.0 - b) ** 2 / dt * off
         told = SimpleNamespace(innovation=Vec3(*off), known=1.0, beside=())
         held = SimpleNamespace(
-            told=told, observed=SimpleNamespace(velocity=Vec3(*seen))
+            corrections=told, observed=SimpleNamespace(velocity=Vec3(*seen))
         )
         memory = gains.after(memory, held, Vec3(*measured), dt)
         found.append(memory)

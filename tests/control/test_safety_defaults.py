@@ -109,6 +109,17 @@ def test_a_law_that_keeps_the_tip_is_trusted_with_larger_joint_errors():
     assert found == tuple(0.3 if kind == "prismatic" else 1.5 for kind in KINDS)
 
 
+def test_limits_are_measured_on_a_law_that_estimates_no_lag():
+    """Its memory has no gentle start to skip; it pulls as one that finds no lag."""
+    model = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"))
+    with_estimate, without = (
+        limits_for(make_controller("centroidal", model, **options))
+        for options in ({}, {"lag": (0.0, 0.0)})
+    )
+    assert without.stiffness == pytest.approx(with_estimate.stiffness, rel=1e-6)
+    assert without.damping == pytest.approx(with_estimate.damping, rel=1e-6)
+
+
 def test_efforts_are_the_models_and_change_over_their_range_in_five_milliseconds():
     found = limits_of(VEHICLE)
     efforts = tuple(float(link.joint.effort_limit) for link in VEHICLE.links)

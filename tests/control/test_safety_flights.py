@@ -45,7 +45,7 @@ def planned(safety: Any = True, *, name="case1", **fields):
     )
 
 
-class Flown:
+class MachineFlight:
     """What a flight in machine code left, as a log has it."""
 
     def __init__(self, scenario):
@@ -76,7 +76,8 @@ def tilt(log):
 
 def test_an_ordinary_flight_is_not_touched():
     free, guard = (
-        Flown(planned(safety, name="case3", duration=9.0)) for safety in (None, True)
+        MachineFlight(planned(safety, name="case3", duration=9.0))
+        for safety in (None, True)
     )
     hover = free.time < 6.0
     # the mixer with priorities rounds otherwise
@@ -90,8 +91,8 @@ def test_a_step_of_thirty_metres_is_flown_level_and_slowly():
     state = skyarm.scenario.scenario_record.trimmed_state(
         planned().plant, held().at(0.0).position, 0.0, (0.0, 0.0)
     )
-    log = Flown(planned(reference=moved, duration=14.0, initial=state))
-    free = Flown(planned(None, reference=moved, duration=14.0, initial=state))
+    log = MachineFlight(planned(reference=moved, duration=14.0, initial=state))
+    free = MachineFlight(planned(None, reference=moved, duration=14.0, initial=state))
     assert log.status == "completed"
     # the law's own attitude loop overshoots what it is asked by a quarter
     assert tilt(log).max() < 1.25 * math.radians(40.0)
@@ -177,8 +178,8 @@ def broken(from_time: float, until: float = math.inf) -> Controller:
 
 def test_a_law_that_fails_is_replaced_by_a_hover_where_it_failed_with_the_arm_stowed():
     scenario = planned(None, name="case3", duration=14.0, controller=broken(9.0))
-    assert Flown(scenario).status == "ended"
-    log = Flown(
+    assert MachineFlight(scenario).status == "ended"
+    log = MachineFlight(
         dataclasses.replace(
             scenario, controller=with_safety_layer(broken(9.0), stow=(0.3, -0.2))
         )
@@ -196,7 +197,7 @@ def test_a_law_that_fails_is_replaced_by_a_hover_where_it_failed_with_the_arm_st
 def test_a_law_comes_back_after_calm_flight_if_that_is_asked():
     controller = broken(9.0, 9.5)
     gone, back = (
-        Flown(
+        MachineFlight(
             planned(
                 None,
                 name="case3",
@@ -275,7 +276,7 @@ def test_an_observer_learns_what_was_really_sent():
         planned().plant, held().at(0.0).position, 0.0, (0.0, 0.0)
     )
     scenario = planned(None, reference=held(x=0.5), duration=0.1, initial=state)
-    carry = Flown(
+    carry = MachineFlight(
         dataclasses.replace(
             scenario, controller=with_safety_layer(watching, {"rotor_slew": 200.0})
         )
@@ -304,7 +305,7 @@ def test_laws_that_use_their_commands_are_told_what_was_really_sent(law, options
     slow = with_safety_layer(
         make_controller(law, model, **options), {"rotor_slew": 200.0}
     )
-    memory = Flown(
+    memory = MachineFlight(
         dataclasses.replace(scenario, initial=state, controller=slow)
     ).carry.agent.memory
     assert memory.inner.sent[-1] == memory.sent
@@ -352,7 +353,7 @@ def test_a_law_starts_anew_from_its_first_memory_when_it_comes_back():
         duration=2.0,
         controller=with_safety_layer(law, {"calm": 0.5}),
     )
-    count = Flown(scenario).carry.agent.memory.inner[0]
+    count = MachineFlight(scenario).carry.agent.memory.inner[0]
     # it failed until 1.1 s, then had to be calm for half a second
     assert count == pytest.approx(0.4 / 0.005, abs=25)
 
@@ -396,7 +397,7 @@ def test_the_papers_law_under_guard_survives_the_loss_of_thrust_and_of_joint_tor
     kind, faults, far, limp
 ):
     scenario = planned(name="case3", duration=11.0, kind=kind, faults=faults)
-    log = Flown(scenario) if kind == "rigid_body" else run(scenario)
+    log = MachineFlight(scenario) if kind == "rigid_body" else run(scenario)
     assert log.status == "completed"
     assert tilt(log).max() < math.radians(60.0)
     assert np.linalg.norm(log.position - log.position_reference, axis=1).max() < far
@@ -415,7 +416,7 @@ def test_a_guard_that_trusts_joints_less_survives_a_lost_rotor_and_both_drives()
     """
     lost = (FRONT, SHOULDER, ELBOW)
     status = [
-        Flown(planned(safety, name="case3", duration=10.0, faults=lost)).status
+        MachineFlight(planned(safety, name="case3", duration=10.0, faults=lost)).status
         for safety in (True, {"trusted_joint_error": 0.3})
     ]
     assert status == ["ended", "completed"]
@@ -449,7 +450,9 @@ def test_a_law_that_keeps_the_tip_may_take_the_joints_far_from_their_references(
 
 def test_without_the_guard_the_shoulders_loss_is_the_end():
     assert (
-        Flown(planned(None, name="case3", duration=13.0, faults=(SHOULDER,))).status
+        MachineFlight(
+            planned(None, name="case3", duration=13.0, faults=(SHOULDER,))
+        ).status
         == "ended"
     )
 
@@ -474,7 +477,7 @@ def test_pitching_through_ninety_degrees_no_longer_ends_the_euler_form():
     )
     scenario = dataclasses.replace(scenario, initial=state, reference=held())
     assert run(scenario).status == "controller_undefined"
-    log = Flown(
+    log = MachineFlight(
         dataclasses.replace(scenario, controller=with_safety_layer(scenario.controller))
     )
     assert log.status == "completed"

@@ -202,7 +202,7 @@ def test_a_rate_that_repeats_corrects_nothing(name, of):
     begun = underway(start)
     _, told = seen(begun, start)
     linear, angular, joints = told.amid.accelerations(ARM, DONE.squares, DONE.efforts)
-    foretold = {
+    predicted = {
         "velocity": start.velocity + linear * DT,
         "rate": start.rate + angular * DT,
         "joint_rates": tuple(
@@ -210,11 +210,11 @@ def test_a_rate_that_repeats_corrects_nothing(name, of):
         ),
     }
     held, _ = seen(
-        begun, dataclasses.replace(start, **(foretold | {name: getattr(start, name)}))
+        begun, dataclasses.replace(start, **(predicted | {name: getattr(start, name)}))
     )
     off, _ = seen(
         begun,
-        dataclasses.replace(start, **(foretold | {name: getattr(drawn(8), name)})),
+        dataclasses.replace(start, **(predicted | {name: getattr(drawn(8), name)})),
     )
     assert list(getattr(held, of)) == pytest.approx(
         [0.0] * len(getattr(held, of)), abs=1e-12
@@ -250,11 +250,11 @@ def test_late_rates_of_sliding_joints_are_corrected_by_the_gains_of_all_periods(
     rates = (0.3, -0.2, 0.2, 0.1, -0.1)
     after, told = step(now, rates)
     _, _, bending = told.amid.accelerations(model, done.squares, done.efforts)
-    foretold = np.array(now.joint_rates) + np.array(bending) * DT
-    error = np.array(rates) - foretold
+    predicted = np.array(now.joint_rates) + np.array(bending) * DT
+    error = np.array(rates) - predicted
     slides = np.array([0, 0, late, 0, late])
     b = np.exp(-GAINS.joints * DT) / (1 + slides**2)
-    assert after.joint_rates == pytest.approx(foretold + (1 - b * b) * error)
+    assert after.joint_rates == pytest.approx(predicted + (1 - b * b) * error)
     assert told.joint_corrections == pytest.approx(
         (1 - b) ** 2 * error / ((1 + slides) * DT)
     )

@@ -278,7 +278,7 @@ def test_the_accelerometer_is_written() -> None:
             agreed = own.used = 1.0
         if k == 200:
             own.b = b = np.array([4.99, 0.0, -4.99])
-        before = disturbance_observer.Felt(
+        before = disturbance_observer.TranslationEstimate(
             velocity=vec(alone),
             bias=vec(b),
             change=vec(change),

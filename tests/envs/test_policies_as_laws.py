@@ -271,7 +271,8 @@ import numpy as np, gymnasium, skyarm.envs
 def policy(push):
     env = gymnasium.make("skyarm/HoldTipInWind-v0")
     weights = np.zeros((env.action_space.shape[0], env.observation_space.shape[0]))
-    return skyarm.envs.as_law([(weights, np.full(len(weights), push))], env, name="policy")
+    layers = [(weights, np.full(len(weights), push))]
+    return skyarm.envs.as_law(layers, env, name="policy")
 
 def still(model):
     return policy(0.0)

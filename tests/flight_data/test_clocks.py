@@ -510,9 +510,7 @@ def stamped(samples: np.ndarray, rows: np.ndarray) -> np.ndarray:
     return rows[np.searchsorted(rows, samples - 1e-9)]
 
 
-def test_even_samples_that_a_log_stamps_on_its_rows_are_straightened_to_a_constant() -> (
-    None
-):
+def test_even_samples_that_a_log_stamps_on_its_rows_are_straightened() -> None:
     rows, samples = np.arange(10001) / 500.0, 0.0031 + np.arange(1190) / 60.0
     stamps = stamped(samples, rows)
     assert np.ptp(stamps - samples) > 1e-3

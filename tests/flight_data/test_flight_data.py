@@ -83,10 +83,11 @@ from skyarm.flight_data.flight_data import Channel, FlightData, FlightFormat
 
 def read(path, columns):
     rows = np.loadtxt(path, skiprows=1)
-    return FlightData(name=path.stem, file=str(path),
-                      channels={"gyro": Channel(time=rows[:, 0], values=rows[:, 1:], source="rows")})
+    gyro = Channel(time=rows[:, 0], values=rows[:, 1:], source="rows")
+    return FlightData(name=path.stem, file=str(path), channels={"gyro": gyro})
 
-skyarm.register.flight_format("lab", title="our laboratory's text")(FlightFormat(read, ("csv",), (b"LAB1",)))
+lab = FlightFormat(read, ("csv",), (b"LAB1",))
+skyarm.register.flight_format("lab", title="our laboratory's text")(lab)
 """
 
 

@@ -95,8 +95,9 @@ def test_an_attitude_turns_our_base_axes_to_our_world_axes(
         ]
     )
     x, y, z = np.sin(half) * axis / np.linalg.norm(axis)
-    rows = f"t,x,y,z,w\n0,{x!r},{y!r},{z!r},{np.cos(half)!r}\n1,{-x!r},{-y!r},{-z!r},{-np.cos(half)!r}\n"
-    rows = re.sub(r"np\.float64\((.*?)\)", r"\1", rows)
+    given = np.array([x, y, z, np.cos(half)]).tolist()
+    first, second = (",".join(map(repr, row)) for row in (given, [-c for c in given]))
+    rows = f"t,x,y,z,w\n0,{first}\n1,{second}\n"
     found = flight(
         tmp_path,
         rows,
@@ -120,7 +121,10 @@ def test_a_velocity_in_base_axes_is_turned_by_the_attitude(tmp_path: Path) -> No
 def test_rows_without_numbers_and_times_that_do_not_rise_are_left_out_and_counted(
     tmp_path: Path,
 ) -> None:
-    text = 't,p,q,r,v\n0,1,1,1,8\n1,2,,2,\n2,nan,3,3,7\n1.5,9,9,9,\n3,4,4,4,\n900,5,5,x,\n4,"6",6,6,\n5,7,7,7\n\n'
+    text = (
+        "t,p,q,r,v\n0,1,1,1,8\n1,2,,2,\n2,nan,3,3,7\n1.5,9,9,9,\n3,4,4,4,\n"
+        '900,5,5,x,\n4,"6",6,6,\n5,7,7,7\n\n'
+    )
     found = flight(tmp_path, text, TIME + GYRO + '[voltage]\ncolumns = ["v"]\n')
     np.testing.assert_allclose(found["gyro"].time, [0, 1.5, 3, 4])
     np.testing.assert_allclose(found["voltage"].time, [0, 2])

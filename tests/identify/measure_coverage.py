@@ -1,7 +1,8 @@
 """Measure how many true numbers of planted vehicles lie outside their 95 % intervals,
 and how wide these are.
 
-    python tests/identify/measure_coverage.py OUT.jsonl [--only arm2,low] [--every K] [--workers N] [--small]
+    python tests/identify/measure_coverage.py OUT.jsonl [--only arm2,low]
+        [--every K] [--workers N] [--small]
 
 Every vehicle is identified from a flight of a minute at low and at high noise, each
 with some channels left out. Each result is appended to the file as it comes; a run that

@@ -1,13 +1,14 @@
 """Identify vehicles on one half of public flights and predict the other: a table of
 docs/results_identification.md.
 
-    python tests/identify/measure_real.py                       make real; ten minutes
-    REAL_LOGS=FOLDER python tests/identify/measure_real.py      logs of a folder; nothing is fetched
-    python tests/identify/measure_real.py --simulated           simulated flights only
+    python tests/identify/measure_real.py                   make real; ten minutes
+    REAL_LOGS=FOLDER python tests/identify/measure_real.py  logs of a folder alone
+    python tests/identify/measure_real.py --simulated       simulated flights only
 
 real_flights.toml lists the logs: address, SHA-256, start vehicle, options. They are
-fetched into out/real once. A folder may hold a list of its own of that name, of logs
-without address and SHA-256. A log that is not there is named and skipped.
+fetched into out/real once, and none of a folder's. A folder may hold a list of its own
+of that name, of logs without address and SHA-256. A log that is not there is named and
+skipped.
 
 Of the longest time in the air, at most 10 s before its middle are fitted, and as many
 behind it are predicted. Errors are those of the body rate, which every log measures;

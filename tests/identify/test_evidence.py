@@ -114,9 +114,7 @@ def test_a_choice_that_is_not_of_the_fit_is_taken_as_stated() -> None:
     assert clock["options"][0]["loss"] > clock["options"][1]["loss"] + 1.0
 
 
-def test_a_rival_alone_is_judged_against_what_is_stated_and_on_top_against_the_fit() -> (
-    None
-):
+def test_a_rival_is_judged_alone_by_what_is_stated_and_on_top_by_the_fit() -> None:
     stiffness, _ = stage("rival stiffness")
     alone = stiffness["alone"]["joints"]
     joints = STUDIED.among("joints")

@@ -179,6 +179,8 @@ def test_the_model_of_lags_is_the_vehicle_that_is_named_or_that_of_the_log_s_law
         9.81,
     )
     assert nominal_model(log, "tilted_hexarotor", 1.62)[1] == 1.62
+    log.info["plant_gravity"] = 3.7
+    assert nominal_model(log, "tilted_hexarotor", None)[1] == 3.7
     with pytest.raises(
         ValueError,
         match=r"^--vehicle: is missing; the log does not say which vehicle flew",
@@ -569,7 +571,8 @@ def test_the_table_of_predictions_has_a_row_for_each_horizon_and_predictor():
     rows = prediction_csv(held_out()).splitlines()
     assert (
         rows[0]
-        == "horizon_s,predictor,predictions,position_m,velocity_m_s,attitude_rad,rate_rad_s"
+        == "horizon_s,predictor,predictions,position_m,velocity_m_s,attitude_rad,"
+        "rate_rad_s"
     )
     assert len(rows) == 1 + 3 * 4
     assert rows[1] == "0.1,identified,7,0.02,0.2,0.02,0.5"

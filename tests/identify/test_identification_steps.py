@@ -363,6 +363,9 @@ def test_flights_of_two_gravities_need_one_that_is_given(asked, files):
         ),
     ):
         of_files("a.csv", "b.csv", held_out=["c.csv"])
+    alike = [dataclasses.replace(files[each], name="a") for each in ("a.csv", "c.csv")]
+    with pytest.raises(ValueError, match=r"flights state several, m/s\^2: a 9\.7, a"):
+        files_of._gravity(alike)
 
 
 @pytest.mark.parametrize(

@@ -80,6 +80,13 @@ def test_a_log_of_another_program_needs_a_vehicle_and_is_told_what_its_delay_is(
     assert "The log holds the true state" not in done.out
 
 
+def test_a_flight_of_a_file_is_named_by_its_number():
+    refused(
+        skyarm("identify", "flights", "late.npz#2", "--vehicle", "hummingbird"),
+        "flight = 'late.npz#2': flight #2: must be 1 to 1, the flights of this file",
+    )
+
+
 @pytest.mark.parametrize(
     "words",
     [("other.npz",), ("late.npz", "--begin", "0.5", "--end", "0.6"), ("still.npz",)],

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import skyarm as library
-from skyarm.cli.tune_command import wanted_of
+from skyarm.cli.tune_command import tuning_inputs
 from skyarm.identify import identify_files, identify_flights
 from skyarm.identify.held_out_errors import (
     CURVE,
@@ -185,7 +185,7 @@ def test_the_vehicle_file_flies(identified):
     assert skyarm("check", "found/vehicle.toml").out.endswith(
         "can fly: no fault, 0 warnings\n"
     )
-    assert wanted_of("found/vehicle.toml", None).scenario.plant.vehicle == found
+    assert tuning_inputs("found/vehicle.toml", None).scenario.plant.vehicle == found
 
 
 def test_held_out_flights_are_predicted_better_than_by_start_vehicle_and_holding(

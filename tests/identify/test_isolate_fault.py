@@ -30,7 +30,13 @@ from changed_channels import (
 
 from skyarm.identify import isolate_fault
 from skyarm.identify.channel_changes import ChannelChange, channel_changes
-from skyarm.identify.isolate_fault import PUSHES, Leavings, Left, Tried, find_faults
+from skyarm.identify.isolate_fault import (
+    PUSHES,
+    Leavings,
+    Left,
+    TriedChange,
+    find_faults,
+)
 from skyarm.identify.log_checks import REFUSED, WARNED
 
 SENSORS = ("gyro", "accelerometer", *POSE, "joint_positions", "joint_rates")
@@ -730,10 +736,10 @@ def some_change(*amounts):
 def test_of_each_change_the_best_amount_stays():
     one, two, three = (some_change(1.0, 2.0) for _ in range(3))
     tried = [
-        Tried(*each, Left({}))
+        TriedChange(*each, Left({}))
         for each in ((3.0, one, 1.0), (1.0, two, 1.0), (2.0, one, 2.0), (4.0, two, 2.0))
     ]
-    best = isolate_fault._each_best([*tried, Tried(1.5, three, 1.0, Left({}))])
+    best = isolate_fault._each_best([*tried, TriedChange(1.5, three, 1.0, Left({}))])
     assert [(each.cost, each.change, each.amount) for each in best] == [
         (1.0, two, 1.0),
         (1.5, three, 1.0),
@@ -750,7 +756,7 @@ def trial(best, calls, least=0.0, white=True):
         calls.append((amount, how))
         size = abs(amount - best) / 1e3 + (0.0 if white else 2.0)
         return (
-            [Tried(0.0, change, amount, Left({("gyro", 0): size}))]
+            [TriedChange(0.0, change, amount, Left({("gyro", 0): size}))]
             if amount > least
             else []
         )
@@ -783,7 +789,7 @@ def test_half_of_a_white_row_is_worth_a_twentieth_of_another_one(above, stays):
     def tried(change, amount, how):
         sizes = (np.exp(above), 0.5) if amount == 50.0 else (1.0, 1.0)
         return [
-            Tried(
+            TriedChange(
                 0.0,
                 change,
                 amount,

@@ -457,6 +457,8 @@ def test_surroundings_are_read_with_the_thrust_of_one_flight_and_the_voltage(tmp
     [
         ({"surroundings": None}, "must hold 'surroundings' and 'known'"),
         ({"known": []}, "must hold 'surroundings' and 'known'"),
+        ({"numbers": [1]}, "must hold 'numbers', a list of tables"),
+        ({"numbers": None}, "must hold 'numbers', a list of tables"),
         (
             {"surroundings": {"delay": "late"}},
             "surroundings.delay = 'late': must be a finite number",

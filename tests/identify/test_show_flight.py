@@ -178,6 +178,21 @@ def test_behind_the_excitation_stands_the_search_to_run(monkeypatch):
     )
 
 
+def test_the_next_command_has_the_mapping_of_the_columns():
+    Path("my map.toml").write_text(
+        '[time]\ncolumn = "t"\n'
+        '[gyro]\ncolumns = ["p", "q", "r"]\n'
+        '[accelerometer]\ncolumns = ["p", "q", "r"]\n'
+        '[rotor_commands]\ncolumns = ["p"]\n'
+    )
+    rows = "".join(f"{0.01 * k},0.1,0.2,0.3\n" for k in range(100))
+    Path("mapped.csv").write_text("t,p,q,r\n" + rows)
+    shown = skyarm("show", "mapped.csv", "--columns", "my map.toml", columns=200).out
+    assert shown.rstrip().endswith(
+        "next: skyarm show mapped.csv --columns 'my map.toml' --vehicle VEHICLE"
+    )
+
+
 def test_the_channels_are_drawn_into_a_file():
     shown = skyarm("show", str(TREFOIL_LOG), "-o", "channels.png")
     assert (shown.code, shown.out.strip()) == (0, "drawing: channels.png")

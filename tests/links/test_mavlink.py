@@ -360,9 +360,7 @@ def test_frames_of_unknown_messages_are_skipped_whole_and_keep_the_sequence() ->
         assert (parser.unknown, parser.bad, parser.lost, parser.skipped) == (1, 0, 0, 0)
 
 
-def test_an_unknown_message_is_no_frame_amid_garbage_or_with_an_impossible_checksum() -> (
-    None
-):
+def test_an_unknown_message_is_no_frame_amid_garbage_or_with_a_bad_checksum() -> None:
     body = bytes((4, 0, 0, 0, 1, 1)) + (9999).to_bytes(3, "little") + b"wxyz"
     frame = b"\xfd" + body + checksum(body + b"\x11").to_bytes(2, "little")
     wrong = frame[:-1] + bytes([frame[-1] ^ 1])

@@ -111,9 +111,7 @@ def test_instants_are_matched_by_their_time() -> None:
     assert (found.instants, found.columns) == ((18, 40, 18), ())
 
 
-def test_numbers_that_are_not_finite_differ_from_finite_ones_and_not_from_themselves() -> (
-    None
-):
+def test_numbers_that_are_not_finite_differ_from_finite_ones_only() -> None:
     broken = put("position", 8, 0, np.nan)
     assert log_differences(broken, broken).equal
     (one,) = log_differences(LOG, broken).columns

@@ -200,7 +200,7 @@ def test_the_smallest_distance_of_a_plan_is_that_of_mujoco() -> None:
     k, j = np.unravel_index(int(np.argmin(gaps)), np.shape(gaps))
     nearest = nearest_of(found)
     assert 0.0 < nearest.gap < 0.05
-    assert nearest.words == f"{rods[j].name} and ball"
+    assert nearest.bodies == f"{rods[j].name} and ball"
     assert nearest.gap == pytest.approx(gaps[k][j], abs=1e-5)
     assert nearest.time == pytest.approx(times[k], abs=3e-3)
 

@@ -33,7 +33,7 @@ from skyarm.planning.planner import (
     seeds,
     stage_of,
 )
-from skyarm.planning.stage import Stage
+from skyarm.planning.stage import PlanStage
 from skyarm.planning.task import Goal, PlanPhase, Start, Task, TaskLimits, task_from
 from skyarm.scenario.save import scenario_text
 from skyarm.vehicle.vehicle_files import load_vehicle
@@ -200,7 +200,8 @@ def test_tilted_rotors_lean_by_the_force_alone() -> None:
     )
     np.testing.assert_allclose(across, force[:, :2], atol=1e-9 * weight)
     assert (
-        Stage(model=catch().stage.model).across(catch().stage.state(catch().x[0])) == []
+        PlanStage(model=catch().stage.model).across(catch().stage.state(catch().x[0]))
+        == []
     )
 
 

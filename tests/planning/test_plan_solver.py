@@ -29,7 +29,7 @@ from skyarm.planning.solver import (
     STUCK,
     Guess,
     PlanProblem,
-    Solver,
+    PlanSolver,
     _Values,
     curvature,
     linear_step,
@@ -165,7 +165,7 @@ def test_a_linear_problem_has_the_optimum_of_its_kkt_system(free: int) -> None:
     w = np.linalg.lstsq(kkt, np.concatenate([np.zeros(len(H)), d]), rcond=None)[0][
         : len(H)
     ]
-    found = Solver(stage).solve(problem, guess)
+    found = PlanSolver(stage).solve(problem, guess)
     assert found.solved
     assert found.violation < 1e-6
     np.testing.assert_allclose(found.x.ravel(), w[: found.x.size], atol=2e-5)
@@ -200,13 +200,13 @@ def test_limits_that_bind_and_some_that_do_not() -> None:
     assert oracle.success
     active = inside(oracle.x) < 1e-7
     assert 0 < active.sum() < active.size
-    found = Solver(stage).solve(problem, guess)
+    found = PlanSolver(stage).solve(problem, guess)
     assert found.solved
     assert found.cost == pytest.approx(oracle.fun, rel=1e-4)
     np.testing.assert_allclose(found.x.ravel(), oracle.x[:size], atol=2e-3)
     assert found.limits.max() < 1e-6
     # without its limits the optimum passes them
-    free = Solver(stage).solve(
+    free = PlanSolver(stage).solve(
         dataclasses.replace(problem, limits=np.zeros_like(problem.limits)), guess
     )
     assert free.cost < found.cost - 1e-3
@@ -223,7 +223,7 @@ def test_gains_are_those_of_the_riccati_recursion() -> None:
         P = np.diag(w[:NT]) + stage.A.T @ P @ (stage.A + stage.B @ K)
         gains.append(K)
     np.testing.assert_allclose(
-        Solver(stage).solve(problem, guess).K, gains[::-1], atol=1e-9
+        PlanSolver(stage).solve(problem, guess).K, gains[::-1], atol=1e-9
     )
 
 
@@ -231,11 +231,11 @@ def test_a_problem_without_a_solution_ends_and_says_how_far_it_is_off() -> None:
     stage = LinearStage()
     stage.B[:] = 0.0  # nothing reaches the goals
     problem, guess = linear_problem(stage)
-    steps = list(Solver(stage).steps(problem, guess))
+    steps = list(PlanSolver(stage).steps(problem, guess))
     # it ends before its last iteration: the violation no longer falls
     assert STUCK < len(steps) < ITERATIONS // 4
     assert steps[-1].violation == pytest.approx(steps[-STUCK].violation, rel=1e-3)
-    assert len(list(Solver(stage).steps(problem, guess, iterations=10))) == 10
+    assert len(list(PlanSolver(stage).steps(problem, guess, iterations=10))) == 10
     assert not any(step.solved for step in steps)
     assert steps[-1].violation > 1e-2
     assert [step.iterations for step in steps] == list(range(1, len(steps) + 1))
@@ -376,9 +376,7 @@ def test_damping_grows_where_steps_fail_and_falls_where_they_are_taken() -> None
     assert count < 20
 
 
-def test_the_catch_is_optimal_to_first_order_in_directions_that_keep_the_constraints() -> (
-    None
-):
+def test_the_catch_is_optimal_to_first_order_where_its_constraints_hold() -> None:
     """No feasible direction lowers the cost: the gradient is a combination of the
     active constraints' slopes.
     """

@@ -16,7 +16,7 @@ from skyarm.compile import trace
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE
-from skyarm.dynamics.actuators.rotor import felt_in
+from skyarm.dynamics.actuators.rotor import equivalent_speed_and_lag
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.plant.compiled import RigidBodyPlant, example_state
@@ -145,7 +145,12 @@ class ManifoldRungeKutta:
         rows = zip(
             self.vehicle.rotors, x.rotor_speeds, command.rotor_speeds, strict=True
         )
-        felt = replace(x, rotor_speeds=tuple(felt_in(*row, self.dt)[0] for row in rows))
+        felt = replace(
+            x,
+            rotor_speeds=tuple(
+                equivalent_speed_and_lag(*row, self.dt)[0] for row in rows
+            ),
+        )
         force, torques = applied_force(
             motion_of(Truth(vehicle=self.vehicle), felt, wind),
             Command(efforts=command.efforts),

@@ -21,7 +21,7 @@ import pytest
 
 import skyarm
 from skyarm.log.metrics.score import score
-from skyarm.planning.task import Contact, Goal, Start, TaskLimits
+from skyarm.planning.task import Goal, PlannedContact, Start, TaskLimits
 from skyarm.records.files import Fields
 from skyarm.records.plain import plain
 from skyarm.records.read_table import record_from
@@ -534,7 +534,7 @@ def test_a_written_default_of_a_battery_is_the_one_left_out() -> None:
     )
 
 
-@pytest.mark.parametrize("kind", [TaskLimits, Contact, Start, Goal])
+@pytest.mark.parametrize("kind", [TaskLimits, PlannedContact, Start, Goal])
 def test_a_written_default_of_a_planned_task_is_the_one_left_out(kind: type) -> None:
     def read(document: Tables) -> Any:
         return record_from(kind, Fields(copy.deepcopy(document), ""))

@@ -75,9 +75,7 @@ def test_a_change_beyond_the_longest_flight_is_refused_and_one_at_its_end_is_non
         Change(at=1e7 + 1.0, path="plant.gravity", value=9.8)
 
 
-def test_another_kind_of_wind_differs_by_its_class_and_not_by_a_field_of_one_class() -> (
-    None
-):
+def test_another_kind_of_wind_differs_by_its_class_not_by_a_field_of_one() -> None:
     step, calm, blown = (
         plain(skyarm.load_scenario(name)) for name in ("case1", "case3", "case3_wind")
     )

@@ -96,8 +96,12 @@ kind = "encoders"
 [estimator]
 kind = "ekf"
 {filter}
-[world]
-surfaces = [{{name = "wall", shape = "box", size = [1.0, 1.0, 1.0], position = [50.0, 0.0, 0.5]{surface}}}]
+[[world.surfaces]]
+name = "wall"
+shape = "box"
+size = [1.0, 1.0, 1.0]
+position = [50.0, 0.0, 0.5]
+{surface}
 """
 
 
@@ -123,7 +127,7 @@ surfaces = [{{name = "wall", shape = "box", size = [1.0, 1.0, 1.0], position = [
         ),
         (
             "surface",
-            ", angles = [0.0, 0.0, 90.0]",
+            "angles = [0.0, 0.0, 90.0]",
             "world.surfaces[wall].angles = 90 rad: is more than",
         ),
     ],

@@ -188,12 +188,17 @@ def test_two_payloads_of_one_name_are_named():
         )
 
 
-URDF = """<robot name="r"><link name="base"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0"
-iyz="0"/></inertial></link><link name="a"><inertial><mass value="0.1"/><inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0"
-ixz="0" iyz="0"/></inertial></link><link name="b"/><joint name="left" type="revolute"><parent link="base"/><child
-link="a"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="2" velocity="1"/></joint><joint name="right"
-type="revolute"><parent link="base"/><child link="b"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="2"
-velocity="1"/><mimic joint="left"/></joint></robot>"""
+URDF = """<robot name="r">
+<link name="base"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="a"><inertial><mass value="0.1"/>
+<inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="b"/>
+<joint name="left" type="revolute"><parent link="base"/><child link="a"/>
+<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="2" velocity="1"/></joint>
+<joint name="right" type="revolute"><parent link="base"/><child link="b"/>
+<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="2" velocity="1"/>
+<mimic joint="left"/></joint></robot>"""
 
 
 def of_urdf(tmp_path, more):

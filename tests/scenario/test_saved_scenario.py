@@ -253,6 +253,18 @@ def test_a_file_of_gains_is_named_from_the_new_folder_and_layers_stay(
     }
 
 
+def test_files_of_changes_are_found_from_another_folder_than_the_base(tmp_path):
+    (tmp_path / "gains.toml").write_text(
+        'schema = 1\n[law]\npreset = "paper_ct"\n[gains]\n"gains.position.x" = 3.0\n'
+    )
+    base = tmp_path / "base.toml"
+    change = '[[changes]]\nat = 1.0\npath = "controller.law"\nvalue = "gains.toml"\n'
+    base.write_text(f"{(LIBRARY / 'case3.toml').read_text('utf-8')}\n{change}", "utf-8")
+    scenario = skyarm.load_scenario(base)
+    file = skyarm.save_scenario(tmp_path / "new/found.toml", scenario, base)
+    assert identity(skyarm.load_scenario(file)) == identity(scenario)
+
+
 def test_of_a_shortened_flight_nothing_is_written_that_lies_beyond_its_end(
     case3, tmp_path
 ):

@@ -279,9 +279,7 @@ def test_a_payload_that_is_dropped_leaves_the_vehicle_as_it_was() -> None:
     )
 
 
-def test_changes_by_hand_join_those_of_the_scenario_and_a_snapshot_goes_behind_both() -> (
-    None
-):
+def test_changes_by_hand_join_scheduled_ones_and_a_snapshot_goes_behind_both() -> None:
     session = Session(changing(Change(at=0.2, path=GAIN, value=9.0)))
     for _ in range(10):
         session.step()
@@ -438,11 +436,11 @@ def test_a_law_that_cannot_be_traced_flies_alone_and_in_no_batch() -> None:
 
 
 def test_progress_is_told_of_a_flight_that_changes() -> None:
-    told: list[tuple[int, int]] = []
-    run(changing(CHANGES[0]), lambda done, total: told.append((done, total)))
-    assert told[0] == (0, 60)
-    assert told[-1] == (60, 60)
-    assert sorted(told) == told
+    reports: list[tuple[int, int]] = []
+    run(changing(CHANGES[0]), lambda done, total: reports.append((done, total)))
+    assert reports[0] == (0, 60)
+    assert reports[-1] == (60, 60)
+    assert sorted(reports) == reports
 
 
 def test_an_ending_after_a_change_says_when_and_under_which_number() -> None:
@@ -586,9 +584,7 @@ def test_noise_that_a_change_turns_up_is_drawn_from_then_on() -> None:
     assert noise[20:].min() > 0.0
 
 
-def test_friction_that_asks_for_shorter_steps_gets_them_though_only_a_number_changed() -> (
-    None
-):
+def test_friction_that_asks_for_shorter_steps_gets_them_by_a_number_alone() -> None:
     """The same paths, other values: code is shared only where it is integrated in the
     same steps.
     """

@@ -218,14 +218,15 @@ def test_each_method_that_the_loop_calls_is_called_by_its_contract():
 
 def test_an_estimator_begins_with_the_model_of_the_vehicle():
     seen = []
-    start = lambda self, vehicle: seen.append(vehicle) or ()  # noqa: E731
-    step = lambda self, memory, readings, command, dt: (
-        memory,
-        readings["state"],
-    )  # noqa: E731
-    assert (
-        examine("estimator", made(skyarm.Estimator, start=start, step=step), BASE) == []
-    )
+
+    def start(self, vehicle):
+        return seen.append(vehicle) or ()
+
+    def step(self, memory, readings, command, dt):
+        return memory, readings["state"]
+
+    estimator = made(skyarm.Estimator, start=start, step=step)
+    assert examine("estimator", estimator, BASE) == []
     assert BASE.agent.model.vehicle != BASE.agent.vehicle
     assert all(vehicle == BASE.agent.model.vehicle for vehicle in seen)
 

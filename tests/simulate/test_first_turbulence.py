@@ -36,9 +36,9 @@ def test_a_first_turbulence_belongs_to_the_period_of_its_flight(monkeypatch):
     scenario = scenario_from(
         document("case2", duration=0.2, environment__wind=WIND), "test"
     )
-    told = []
+    periods = []
     monkeypatch.setattr(
-        dryden, "start", lambda first, second, dt, *, par: told.append(dt)
+        dryden, "start", lambda first, second, dt, *, par: periods.append(dt)
     )
     first_loop_state(scenario)
-    assert told == [1.0 / scenario.rates.control]
+    assert periods == [1.0 / scenario.rates.control]

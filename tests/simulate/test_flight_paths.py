@@ -292,21 +292,21 @@ def test_without_a_compiler_it_flies_in_python_and_says_so(
     assert_same(slow, run(scenario))
 
 
-def told_by(scenario: Scenario) -> list[tuple[int, int]]:
-    told: list[tuple[int, int]] = []
-    run(scenario, lambda done, total: told.append((done, total)))
-    return told
+def reports_of(scenario: Scenario) -> list[tuple[int, int]]:
+    reports: list[tuple[int, int]] = []
+    run(scenario, lambda done, total: reports.append((done, total)))
+    return reports
 
 
 def test_progress_grows_and_ends_complete_also_for_a_flight_that_ends_early() -> None:
     for what in ("every table", "ground", "one period", "under the ground at once"):
         scenario = FLIGHTS[what][1]()
-        told = told_by(scenario)
-        done = [d for d, _ in told]
-        assert told[0] == (0, scenario.steps), what
-        assert told[-1] == (scenario.steps, scenario.steps), what
+        reports = reports_of(scenario)
+        done = [d for d, _ in reports]
+        assert reports[0] == (0, scenario.steps), what
+        assert reports[-1] == (scenario.steps, scenario.steps), what
         assert done == sorted(set(done)), what
-        assert len(told) <= 101
+        assert len(reports) <= 101
 
 
 def test_an_exception_of_the_listener_ends_the_flight() -> None:
@@ -328,7 +328,7 @@ def test_ctrl_c_is_heard_while_machine_code_flies() -> None:
         plant__integrator="euler",
         rates={"physics": 1000000, "control": 200},
     )
-    told: list[int] = []
+    reports: list[int] = []
     heard = threading.Event()
 
     def press() -> None:
@@ -341,9 +341,9 @@ def test_ctrl_c_is_heard_while_machine_code_flies() -> None:
 
     def note(done: int, _total: int) -> None:
         # pressed only once the flight is on its way, whatever the machine
-        if not told:
+        if not reports:
             threading.Thread(target=press, daemon=True).start()
-        told.append(done)
+        reports.append(done)
 
     # what other tests of this process made of the signal does not count here
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -353,7 +353,7 @@ def test_ctrl_c_is_heard_while_machine_code_flies() -> None:
         heard.set()
     finally:
         signal.signal(signal.SIGINT, before)
-    assert told[-1] < slow.steps / 2
+    assert reports[-1] < slow.steps / 2
 
 
 def test_nothing_is_made_that_machine_code_makes_itself(

@@ -74,10 +74,10 @@ def test_a_batch_flies_it_too_with_its_lag_among_the_metrics(log):
 
 
 def test_the_law_gets_the_governed_sample_and_errors_are_taken_against_the_command(log):
-    told = []
+    received = []
 
     def listen(memory, measurement, reference, dt, *, par):
-        told.append(reference)
+        received.append(reference)
         return law(memory, measurement, reference, dt, par=par)
 
     law = SLOWED.controller.law
@@ -89,7 +89,7 @@ def test_the_law_gets_the_governed_sample_and_errors_are_taken_against_the_comma
             SLOWED.reference, SLOWED.path_time, (k // 4 * 4) / 200.0
         )
         for name in ("position", "velocity", "acceleration", "joints", "joint_rates"):
-            given = np.array(list(getattr(told[-200 + k], name)), dtype=float)
+            given = np.array(list(getattr(received[-200 + k], name)), dtype=float)
             assert np.allclose(
                 given,
                 np.array(list(getattr(wanted, name)), dtype=float),

@@ -18,7 +18,9 @@ schema = 1
 name = "claw"
 end_effector = "grip"
 base = { mass = 1.5, inertia = [0.02, 0.02, 0.035] }
-rotor_defaults = { thrust_coefficient = 1.7e-5, moment_coefficient = 0.016, max_speed = 900.0 }
+rotor_defaults.thrust_coefficient = 1.7e-5
+rotor_defaults.moment_coefficient = 0.016
+rotor_defaults.max_speed = 900.0
 frames = [{ name = "grip", link = "arm", position = [0.2, 0.0, -0.1] }]
 [[links]]
 name = "arm"
@@ -26,7 +28,11 @@ parent = "base"
 mass = 0.1
 com = [0.1, 0.0, -0.05]
 inertia = [2e-4, 4e-4, 4e-4]
-joint = { name = "shoulder", axis = [0.0, 1.0, 0.0], lower = -1.0, upper = 1.0, effort_limit = 4.0 }
+joint.name = "shoulder"
+joint.axis = [0.0, 1.0, 0.0]
+joint.lower = -1.0
+joint.upper = 1.0
+joint.effort_limit = 4.0
 [[links]]
 name = "jaw"
 parent = "arm"

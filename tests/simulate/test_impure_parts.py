@@ -215,7 +215,9 @@ def test_what_writes_into_its_arguments_is_found(tmp_path, kind):
     assert "writes to its argument '" in line
 
 
-KEEPS = """object.__setattr__(self, "count", getattr(self, "count", 0.0) + 1.0) or self.count"""
+KEEPS = (
+    'object.__setattr__(self, "count", getattr(self, "count", 0.0) + 1.0) or self.count'
+)
 
 
 @pytest.mark.parametrize(

@@ -82,9 +82,9 @@ def test_a_number_without_a_unit_is_one_too():
 def test_what_the_scenario_says_is_said(path, value):
     with pytest.raises(ValueError, match="must be") as caught:
         with_numbers(GUSTY, {path: value})
-    with pytest.raises(ScenarioError) as told:
+    with pytest.raises(ScenarioError) as raised:
         LaneRules(GUSTY, [path]).require({path: column(value)})
-    assert str(told.value) == f"values[{path!r}] = {value:g} (lane 0): {caught.value}"
+    assert str(raised.value) == f"values[{path!r}] = {value:g} (lane 0): {caught.value}"
 
 
 def test_a_lane_is_looked_at_with_all_of_its_numbers(monkeypatch):

@@ -291,8 +291,10 @@ def test_memory_hardly_grows_with_the_flight(tmp_path: Path) -> None:
 
 COMMAND = """
 import resource, subprocess, sys
-subprocess.run([sys.executable, "-m", "skyarm", "run", "case3", *sys.argv[1:]], check=True, stdout=subprocess.DEVNULL)
-print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / (1024 if sys.platform == "linux" else 1024**2))
+command = [sys.executable, "-m", "skyarm", "run", "case3", *sys.argv[1:]]
+subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+unit = 1024 if sys.platform == "linux" else 1024**2
+print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / unit)
 """
 
 

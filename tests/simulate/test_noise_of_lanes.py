@@ -19,9 +19,9 @@ CASE = dataclasses.replace(skyarm.load_scenario("case2"), duration=0.2)
 def test_noise_of_perfect_sensors_cannot_vary():
     with pytest.raises(
         ScenarioError, match=r"paths: sensors\.position: is 0 in this scenario"
-    ) as told:
+    ) as raised:
         skyarm.Batch(CASE, ["sensors.position"])
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(raised.value)
 
 
 def test_noise_that_is_there_varies():

@@ -25,8 +25,8 @@ from skyarm.scenario.in_flight import Overrides
 from skyarm.simulate.first_state import component_places, first_loop_state
 from skyarm.simulate.loop_state import carry_over
 from skyarm.simulate.reference_clock import (
+    GuardInputs,
     PathClock,
-    Seen,
     Waits,
     clocks_of_change,
     due,
@@ -223,7 +223,7 @@ def following(waits: Waits, row: Any) -> list[Any]:
     numbers = [place, held, guard, waited, reached, *rest[:4], *NO_OFFSET]
     clock = rebuild(example, iter(numbers))
     goal = Vec3(0.1, 0.0, 1.0)
-    seen = Seen(
+    seen = GuardInputs(
         tip=Vec3(*rest[5:8]),
         goal=goal,
         push=tuple(rest[11:16]),
@@ -306,7 +306,7 @@ def test_a_reference_that_ends_early_goes_on_from_where_it_is(scenario):
         since=0.0,
     )
     there = Vec3(0.1, 0.0, 1.0) - Vec3(*OUT) * 0.005
-    seen = Seen(tip=there, goal=there, push=(), force=Vec3(0.0, 0.0, 0.0))
+    seen = GuardInputs(tip=there, goal=there, push=(), force=Vec3(0.0, 0.0, 0.0))
     after = waits.following(clock, 41.0, seen)
     assert (after.place, after.guard) == (GUARDS[2].at * RATE + 1.0, 3.0)
 
@@ -350,7 +350,7 @@ def test_a_held_sample_keeps_its_offset_while_a_phase_is_skipped(scenario):
     }
     clock = dataclasses.replace(waits.first(), **begun, **offset)
     there = Vec3(0.1, 0.0, 1.0) - Vec3(*OUT) * 0.005
-    seen = Seen(tip=there, goal=there, push=(), force=Vec3(0.0, 0.0, 0.0))
+    seen = GuardInputs(tip=there, goal=there, push=(), force=Vec3(0.0, 0.0, 0.0))
     before = waits.held_reference(clock, 41.0)
     # the phase has taken the first one back
     assert before.position.x == pytest.approx(
@@ -474,7 +474,7 @@ def test_a_task_that_takes_over_in_flight_begins_at_the_flight_s_time(scenario):
     ) == [()]
     # a distance counts from where the tip was then
     tip = Vec3(0.3, 0.2, 0.1)
-    seen = Seen(tip=tip, goal=tip, push=(), force=None)
+    seen = GuardInputs(tip=tip, goal=tip, push=(), force=None)
     after = Waits(scenario).following(Waits(scenario).begun_at(41.0), 41.0, seen)
     assert after.origin == tip
     moved = dataclasses.replace(seen, tip=Vec3(0.0, 0.0, 0.0))
@@ -507,7 +507,9 @@ def test_who_observes_no_force_knows_of_none_that_is_gone(scenario, asked):
     clock, tip = dataclasses.replace(waits.first(), place=20.0), Vec3(0.1, 0.0, 1.0)
     force = Vec3(*OUT) * (1.0 if "force" in asked else 0.0)
     found = [
-        waits.following(clock, 20.0, Seen(tip=tip, goal=tip, push=(), force=each))
+        waits.following(
+            clock, 20.0, GuardInputs(tip=tip, goal=tip, push=(), force=each)
+        )
         for each in (force, None)
     ]
     assert [each.guard for each in found] == [1.0, 0.0]
@@ -521,7 +523,7 @@ def test_a_phase_that_has_just_begun_does_not_end_by_what_was_there_before(scena
         )
     )
     tip = Vec3(0.1, 0.0, 1.0)
-    pressed = Seen(tip=tip, goal=tip, push=(), force=Vec3(*OUT))
+    pressed = GuardInputs(tip=tip, goal=tip, push=(), force=Vec3(*OUT))
     first, second = (
         waits.following(dataclasses.replace(waits.first(), place=p), p, pressed)
         for p in (10.0, 11.0)
@@ -542,7 +544,7 @@ def test_a_timeout_or_a_hold_of_whole_periods_lasts_so_many(scenario, periods):
         waits = Waits(dataclasses.replace(scenario, reference=trajectory))
         clock, count = dataclasses.replace(waits.first(), place=20.0), 0
         while clock.guard < 0.5:
-            seen = Seen(tip=tip, goal=tip, push=(), force=Vec3(*OUT) * force)
+            seen = GuardInputs(tip=tip, goal=tip, push=(), force=Vec3(*OUT) * force)
             clock, count = waits.following(clock, 20.0 + count, seen), count + 1
         assert count == periods + 1
 
@@ -598,7 +600,7 @@ def test_a_phase_ends_after_a_day_of_flight_as_after_a_second(scenario):
             )
         )
         clock = dataclasses.replace(waits.first(), place=end * RATE)
-        pressed = Seen(tip=tip, goal=tip, push=(), force=Vec3(*OUT))
+        pressed = GuardInputs(tip=tip, goal=tip, push=(), force=Vec3(*OUT))
         assert waits.following(clock, end * RATE, pressed).guard == 1.0
 
 
@@ -620,7 +622,9 @@ def test_in_single_precision_a_timeout_lasts_as_many_periods(scenario):
             waits.first(), place=20.0, guard=0.0 * waited, waited=waited
         )
         return waits.following(
-            clock, 20.0, Seen(tip=tip, goal=tip, push=(), force=Vec3(0.0, 0.0, 0.0))
+            clock,
+            20.0,
+            GuardInputs(tip=tip, goal=tip, push=(), force=Vec3(0.0, 0.0, 0.0)),
         ).guard
 
     assert jax.jit(guard_after)(

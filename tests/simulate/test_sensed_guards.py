@@ -22,7 +22,7 @@ from skyarm.reference.task_records import Guard, Phase, Setting
 from skyarm.reference.trajectory import Trajectory
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.sensing.measurement import blank_measurement
-from skyarm.simulate.reference_clock import Seen, Waits
+from skyarm.simulate.reference_clock import GuardInputs, Waits
 from support.cases import sampled
 from support.engines import ENGINES, evaluate
 
@@ -84,7 +84,7 @@ def passed(row):
     )
     tip = Vec3(0.0, 0.0, 1.0)
     switches = tuple({"a": a, "b": b}[name] for name in WAITS.switches)
-    seen = Seen(
+    seen = GuardInputs(
         tip=tip,
         goal=tip,
         push=(),
@@ -136,7 +136,7 @@ def test_every_condition_that_a_guard_may_have_is_evaluated(name):
     waits, spot = waits_of(GUARDS), Vec3(0.0, 0.0, 1.0)
     force = Vec3(*OUT)
     closed = tuple(float(each == "b") for each in waits.switches)
-    seen = Seen(
+    seen = GuardInputs(
         tip=spot,
         goal=spot + Vec3(0.02, 0.0, 0.0),
         push=(),

@@ -119,9 +119,7 @@ def last_of(outcome: Outcome) -> Outcome:
     )
 
 
-def test_lanes_of_a_team_with_other_grasps_masses_and_noise_are_flights_of_their_own() -> (
-    None
-):
+def test_lanes_of_a_team_with_other_grasps_masses_and_noise_are_flights() -> None:
     scenario = noisy(team("bar", duration=0.4))
     columns = {STIFFNESS: [5000.0, 4980.0], MASS: [0.25, 0.251]}
     outcome = fly(scenario, columns, METRICS, seed=3)

@@ -235,7 +235,7 @@ def test_laws_that_say_nothing_have_the_limits_of_their_members_in_the_log():
     loop = SimpleNamespace(
         memory=scenario.agents["left"].controller.memory, state=state
     )
-    found = Stages(scenario)._borne("left", loop, motion, told=False)
+    found = Stages(scenario)._borne("left", loop, motion, steers=False)
     assert (float(found.limits.weight), [*found.force]) == (
         pytest.approx(float(most.weight)),
         [0.0] * 3,

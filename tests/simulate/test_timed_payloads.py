@@ -62,7 +62,10 @@ inflow = 1e-5
 lift = 1e-3
 [[environment.faults]]
 rotor = "front"
-effectiveness = { kind = "sum", signals = [1.0, { kind = "sine", amplitude = -0.1, frequency_hz = 1.0 }] }
+effectiveness.kind = "sum"
+effectiveness.signals = [
+    1.0, { kind = "sine", amplitude = -0.1, frequency_hz = 1.0 },
+]
 [[environment.faults]]
 joint = "joint2"
 stuck = true

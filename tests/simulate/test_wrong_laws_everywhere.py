@@ -19,7 +19,7 @@ from skyarm.control.safety import with_safety_layer
 from skyarm.records.registry.plugins import load_plugin, register_law_of_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.examine import check_law
+from skyarm.simulate.examine import check_law, examine
 from skyarm.simulate.loop import run, run_in_python
 from skyarm.studies.stability.flight_margins import evidence
 from support.components import (
@@ -103,6 +103,19 @@ def test_whatever_flies_it_tells_the_line(tmp_path, name, plane):
     assert "\n" not in line
     if plane != "guarded_run" or name not in STATES:
         assert line.endswith(mistake.words)
+
+
+@pytest.mark.parametrize("name", ["one_effort", "none", "nan"])
+def test_an_examination_finds_the_wrong_command_that_a_flight_refuses(tmp_path, name):
+    mistake = RESULTS[name]
+    scenario = planned(tmp_path, mistake)
+    (found,) = examine("law", scenario.controller, scenario)
+    assert found.owner == f"law {scenario.controller.name!r}"
+    assert (found.file, found.line) == (str(tmp_path / "mine.py"), mistake.line)
+    with pytest.raises(ValueError, match="law '") as caught:
+        check_law(scenario)
+    assert str(found) == str(caught.value)
+    assert str(found).endswith(mistake.words)
 
 
 def test_a_law_without_a_mixer_is_not_put_under_guard(tmp_path):

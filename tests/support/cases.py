@@ -148,7 +148,8 @@ def whole_text(value: Any) -> str:
         )
         return f"{type(value).__qualname__}({held})"
     if isinstance(value, Mapping):
-        return f"{{{', '.join(f'{key!r}: {whole_text(each)}' for key, each in value.items())}}}"
+        items = (f"{key!r}: {whole_text(each)}" for key, each in value.items())
+        return f"{{{', '.join(items)}}}"
     return (
         f"({', '.join(map(whole_text, value))})"
         if isinstance(value, (tuple, list))

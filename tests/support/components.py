@@ -336,7 +336,8 @@ MAKE = '''
 
 def make(model: skyarm.Model) -> skyarm.Controller:
     """The law, ready to fly."""
-    return skyarm.Controller(name="mine", law=law, par=Par(model=model), memory={memory})
+    par = Par(model=model)
+    return skyarm.Controller(name="mine", law=law, par=par, memory={memory})
 '''
 
 LAW = "def law(memory, seen, wanted, dt, *, par):  # here"
@@ -646,14 +647,16 @@ def helper(x):
 
 
 def law(memory, seen, wanted, dt, *, par):
-    return memory, Command(rotor_speeds=(485.0 + helper(seen.position.z),) * 4, efforts=STILL)
+    speed = 485.0 + helper(seen.position.z)
+    return memory, Command(rotor_speeds=(speed,) * 4, efforts=STILL)
 """,
         "cannot be traced: float() of a traced value, " + TRACED,
     ),
     "numpy": Mistake(
         """
 def law(memory, seen, wanted, dt, *, par):
-    return memory, Command(rotor_speeds=(485.0 + np.sin(seen.position.z),) * 4, efforts=STILL)  # here
+    speed = 485.0 + np.sin(seen.position.z)  # here
+    return memory, Command(rotor_speeds=(speed,) * 4, efforts=STILL)
 """,
         "cannot be traced: operand a traced number does not support ufuncs"
         " (__array_ufunc__=None); must use + - * / and the functions of"
@@ -670,7 +673,8 @@ def law(memory, seen, wanted, dt, *, par):
     "power": Mistake(
         """
 def law(memory, seen, wanted, dt, *, par):
-    return memory, Command(rotor_speeds=(485.0 + seen.position.z**2,) * 4, efforts=STILL)  # here
+    speed = 485.0 + seen.position.z**2  # here
+    return memory, Command(rotor_speeds=(speed,) * 4, efforts=STILL)
 """,
         "cannot be traced: unsupported operand type(s) for ** or pow(): a traced number"
         " and 'int'; must use + - * / and the functions of skyarm.algebra.scalars, "

@@ -50,7 +50,11 @@ from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.interface import Flat, Truth, whole_steps
 from skyarm.plant.largest_step import divisions, largest_step
-from skyarm.plant.loads import before_euler_step, felt_in_step, follow_commands
+from skyarm.plant.loads import (
+    before_euler_step,
+    follow_commands,
+    with_equivalent_rotors,
+)
 from skyarm.plant.mujoco import QUIET
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_loads import own_to_mujoco
@@ -700,7 +704,7 @@ class MujocoContactPlant:
         commands = (Command(rotor_speeds=commanded, efforts=setpoints, tilts=angles),)
         around = self._without_touches(around)
         around = before_euler_step(self._worlds, states, around, self._step)
-        worlds, (felt,) = felt_in_step(
+        worlds, (felt,) = with_equivalent_rotors(
             self._worlds, (states,), commands, around, self._step, held=True
         )
         forces = self._layout.generalized_forces(worlds, felt, commands, around)

@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from skyarm.planning.planner import Plan, plan
-from skyarm.planning.stage import ARM_UNIT, JERK_UNIT, SPIN_UNIT, Stage
+from skyarm.planning.stage import ARM_UNIT, JERK_UNIT, SPIN_UNIT, PlanStage
 from skyarm.planning.task import load_task, task_from
 from skyarm.plant.mujoco_model import build_spec, joint_addresses
 from skyarm.vehicle import BASE, Vehicle
@@ -160,7 +160,12 @@ class Bodies:
         return a, (M @ a + self.data.qfrc_bias - applied)[self.v]
 
     def step(
-        self, x: np.ndarray, u: np.ndarray, push: np.ndarray, stage: Stage, dt: float
+        self,
+        x: np.ndarray,
+        u: np.ndarray,
+        push: np.ndarray,
+        stage: PlanStage,
+        dt: float,
     ) -> np.ndarray:
         """State of a plan after a time: one Runge-Kutta step, its quaternion normalised
         at the end.

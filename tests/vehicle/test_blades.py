@@ -12,12 +12,18 @@ from skyarm.vehicle.own_file import own_vehicle_file
 from skyarm.vehicle.sdf import read_sdf
 from skyarm.vehicle.vehicle_files import load_vehicle
 
-MASS = "<inertial><mass>1</mass><inertia><ixx>0.01</ixx><iyy>0.01</iyy><izz>0.01</izz></inertia></inertial>"
+MASS = (
+    "<inertial><mass>1</mass><inertia><ixx>0.01</ixx><iyy>0.01</iyy><izz>0.01</izz>"
+    "</inertia></inertial>"
+)
 LIFTING = "gz::sim::systems::LiftDrag"
 
 
 def blade(cp, forward, upward, link="propeller"):
-    words = f"<cp>{cp}</cp><forward>{forward}</forward><upward>{upward}</upward><link_name>{link}</link_name>"
+    words = (
+        f"<cp>{cp}</cp><forward>{forward}</forward><upward>{upward}</upward>"
+        f"<link_name>{link}</link_name>"
+    )
     return (
         f'<plugin name="{LIFTING}"'
         f' filename="l"><a0>0.3</a0><cla>4.25</cla>{words}</plugin>'
@@ -36,7 +42,8 @@ def craft(pose, axis, blades, control, upward="0 0 1"):
         f' name="propeller"><pose>{pose}</pose>{MASS}</link>'
         '<joint name="spin"'
         ' type="revolute"><parent>wing</parent><child>propeller</child>'
-        f"<axis><xyz>{axis}</xyz></axis></joint>{''.join(blade(*each, upward) for each in blades)}"
+        f"<axis><xyz>{axis}</xyz></axis>"
+        f"</joint>{''.join(blade(*each, upward) for each in blades)}"
         f'<plugin name="ArduPilotPlugin" filename="a">{turned}</plugin></model>'
     )
 

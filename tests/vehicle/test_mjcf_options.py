@@ -22,7 +22,8 @@ def model(actuators, option=""):
         f'<mujoco>{option}<worldbody><body name="hull"><freejoint/>{mass}<site'
         ' name="s"/><body name="arm">'
         '<joint name="j" axis="0 1'
-        f' 0"/>{mass}</body></body></worldbody><actuator>{actuators}</actuator></mujoco>'
+        f' 0"/>{mass}</body></body></worldbody><actuator>{actuators}</actuator>'
+        f"</mujoco>"
     )
 
 

@@ -315,7 +315,8 @@ def test_bodies_with_rotors_take_no_rotor_file(tmp_path):
     saved(tmp_path, AIRFRAME, "frame")
     motor = (
         "<plugin"
-        " name='m'><linkName>hull</linkName><motorConstant>1e-5</motorConstant></plugin>"
+        " name='m'><linkName>hull</linkName><motorConstant>1e-5</motorConstant>"
+        "</plugin>"
     )
     saved(tmp_path, robot(link("hull"), motor))
     text = 'schema = 1\nname = "v"\nurdf = "r.urdf"\n[rotor_file]\nfile = "frame"\n'

@@ -62,8 +62,9 @@ def plugin(name, number, without=()):
         f'<gazebo><plugin name="motor_{name}"'
         f' filename="m.so"><jointName>{name}_joint</jointName>'
         f"<linkName>{name}</linkName><motorNumber>{number}</motorNumber>"
-        f"{words.format(sense='cw' if number % 2 else 'ccw')}<rollingMomentCoefficient>1.5e-06"
-        "</rollingMomentCoefficient><rotorDragCoefficient>8e-05</rotorDragCoefficient></plugin></gazebo>"
+        f"{words.format(sense='cw' if number % 2 else 'ccw')}"
+        "<rollingMomentCoefficient>1.5e-06</rollingMomentCoefficient><rotorDragCoefficient>8e-05</rotorDragCoefficient>"
+        "</plugin></gazebo>"
     )
 
 

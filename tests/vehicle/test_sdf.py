@@ -21,7 +21,8 @@ MOMENTS = (
 def link(name, pose="", mass="1", inner=""):
     return (
         "<link"
-        f' name="{name}">{pose}<inertial>{inner}<mass>{mass}</mass>{MOMENTS}</inertial></link>'
+        f' name="{name}">{pose}<inertial>{inner}<mass>{mass}</mass>{MOMENTS}</inertial>'
+        f"</link>"
     )
 
 
@@ -140,14 +141,19 @@ def mjcf_of_the_arm():
     def words(values):
         return " ".join(repr(float(each)) for each in values)
 
-    return f"""<mujoco><compiler angle="radian" {turn}/><worldbody><body name="base"><freejoint/>
+    return f"""<mujoco><compiler angle="radian" {turn}/><worldbody><body name="base">
+    <freejoint/>
     <inertial mass="2.5" pos="0.01 0.02 -0.03" quat="1 0 0 0" diaginertia="1 1 1"/>
-    <body name="a" pos="0.1 0 -0.05" quat="{words(whole)}"><joint name="one" axis="{words(axis)}"/>
-    <inertial mass="0.4" pos="0.05 0 0.02" quat="{np.cos(0.25)} 0 {np.sin(0.25)} 0" diaginertia="1 1 1"/>
-    <body name="b" pos="0.2 0.1 0" quat="0.8 0 0.6 0"><joint name="two" pos="-0.02 0.01 0" axis="{slant}"/>
+    <body name="a" pos="0.1 0 -0.05" quat="{words(whole)}">
+    <joint name="one" axis="{words(axis)}"/>
+    <inertial mass="0.4" pos="0.05 0 0.02" diaginertia="1 1 1"
+      quat="{np.cos(0.25)} 0 {np.sin(0.25)} 0"/>
+    <body name="b" pos="0.2 0.1 0" quat="0.8 0 0.6 0">
+    <joint name="two" pos="-0.02 0.01 0" axis="{slant}"/>
     <inertial mass="0.3" pos="0 0 0" {moments}/>
     <body name="c" pos="0 0 0.15"><joint name="three" type="slide" axis="1 0 0"/>
-    <inertial mass="0.2" pos="0 0 0" {moments}/></body></body></body></body></worldbody></mujoco>"""
+    <inertial mass="0.2" pos="0 0 0" {moments}/></body></body></body></body></worldbody>
+    </mujoco>"""
 
 
 @pytest.mark.parametrize("pose", [(0.0, 0.0, 0.0), (0.7, -1.1, 0.2)])

@@ -189,10 +189,14 @@ def test_a_joint_whose_limits_are_one_number_is_fixed_there(tmp_path, kind, valu
 ROTORS_IMU = """
 <robot name="hummingbird">
   <link name="hummingbird/base_link"><inertial><mass value="0.68"/>
-    <inertia ixx="0.007" iyy="0.007" izz="0.012" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <link name="hummingbird/imu_link"><inertial><mass value="0.015"/><origin xyz="0 0 0" rpy="0 0 0"/>
-    <inertia ixx="0.0001" ixy="0" ixz="0" iyy="0.000002" iyz="0" izz="0.000002"/></inertial></link>
-  <joint name="hummingbird/imu_joint" type="revolute"><parent link="hummingbird/base_link"/>
+    <inertia ixx="0.007" iyy="0.007" izz="0.012" ixy="0" ixz="0" iyz="0"/></inertial>
+    </link>
+  <link name="hummingbird/imu_link"><inertial><mass value="0.015"/>
+  <origin xyz="0 0 0" rpy="0 0 0"/>
+    <inertia ixx="0.0001" ixy="0" ixz="0" iyy="0.000002" iyz="0" izz="0.000002"/>
+    </inertial></link>
+  <joint name="hummingbird/imu_joint" type="revolute">
+  <parent link="hummingbird/base_link"/>
     <child link="hummingbird/imu_link"/><origin xyz="0 0 0.02" rpy="0 0 0"/>
     <limit effort="0" lower="0" upper="0" velocity="0"/></joint>
 </robot>

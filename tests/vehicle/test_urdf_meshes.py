@@ -60,16 +60,20 @@ def file(tmp_path: Path) -> Path:
     (tmp_path / "part.stl").write_text(tetrahedron())
     (tmp_path / "part.dae").write_text("")
     turned = '<origin xyz="0 0 0.1" rpy="0 0 1.5707963267948966"/>'
+    hanging = INERTIAL.replace("<mass", '<origin xyz="0 0 -0.2"/><mass')
     text = f"""<robot name="r">
     <link name="root">{INERTIAL}{visual()}</link>
-    <link name="upper">{INERTIAL}{visual(turned)}</link><link name="cover">{visual(scale="-0.002 0.001 0.001")}</link>
-    <link name="lower">{INERTIAL.replace("<mass", '<origin xyz="0 0 -0.2"/><mass')}{visual(name="part.dae")}</link>
-    <joint name="a" type="revolute"><parent link="root"/><child link="upper"/><origin xyz="0.3 0 0"/><axis xyz="0 1 0"/>
+    <link name="upper">{INERTIAL}{visual(turned)}</link>
+    <link name="cover">{visual(scale="-0.002 0.001 0.001")}</link>
+    <link name="lower">{hanging}{visual(name="part.dae")}</link>
+    <joint name="a" type="revolute"><parent link="root"/><child link="upper"/>
+      <origin xyz="0.3 0 0"/><axis xyz="0 1 0"/>
       <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
     <joint name="f" type="fixed"><parent link="upper"/><child link="cover"/>
       <origin xyz="0 0.5 0" rpy="0 0 1.5707963267948966"/></joint>
-    <joint name="b" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0 0 -0.4"/>
-      <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+    <joint name="b" type="revolute"><parent link="upper"/><child link="lower"/>
+      <origin xyz="0 0 -0.4"/><axis xyz="0 1 0"/>
+      <limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
     path = tmp_path / "r.urdf"
     path.write_text(text)
     return path

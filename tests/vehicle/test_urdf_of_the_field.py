@@ -23,10 +23,13 @@ from skyarm.vehicle import Vehicle
 from skyarm.vehicle.check import VehicleError
 
 HULL = """<link name="hull"><inertial><mass value="0.8"/>
-  <inertia ixx="0.004" iyy="0.005" izz="0.006" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+  <inertia ixx="0.004" iyy="0.005" izz="0.006" ixy="0" ixz="0" iyz="0"/></inertial>
+  </link>"""
 BAR = """<link name="bar"><inertial><origin xyz="0 0 -0.06"/><mass value="0.2"/>
-  <inertia ixx="3e-4" iyy="3e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
-SWING = """<joint name="swing" type="revolute"><parent link="hull"/><child link="bar"/><axis xyz="0 1 0"/>
+  <inertia ixx="3e-4" iyy="3e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial>
+  </link>"""
+SWING = """<joint name="swing" type="revolute"><parent link="hull"/><child link="bar"/>
+  <axis xyz="0 1 0"/>
   <limit lower="-1.3" upper="1.4" effort="3" velocity="1.7"/></joint>"""
 
 
@@ -60,7 +63,8 @@ def test_a_prefix_that_nothing_declares_is_forgiven_with_a_note(tmp_path: Path) 
 
 def test_two_hyphens_in_a_comment_are_forgiven_with_a_note(tmp_path: Path) -> None:
     text = """<!-- left -- + -- right ---><mujoco><worldbody><body><freejoint/>
-      <inertial pos="0 0 0" mass="0.9" diaginertia="0.006 0.007 0.011"/></body></worldbody></mujoco>"""
+      <inertial pos="0 0 0" mass="0.9" diaginertia="0.006 0.007 0.011"/></body>
+      </worldbody></mujoco>"""
     vehicle, peer = (
         loaded(tmp_path, text, suffix=".xml"),
         mujoco.MjModel.from_xml_string(text),
@@ -110,7 +114,8 @@ PROPERTIES = robot(
     *(
         f"""<link name="{name}"><inertial><origin xyz="{place}"/><mass value="0.01"/>
         <inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial></link>
-        <joint name="{name}_joint" type="fixed"><origin xyz="0 0 0.02"/><parent link="hull"/><child link="{name}"/>
+        <joint name="{name}_joint" type="fixed"><origin xyz="0 0 0.02"/>
+        <parent link="hull"/><child link="{name}"/>
         </joint>"""
         for name, place in PLACES.items()
     ),
@@ -186,10 +191,14 @@ def test_properties_that_no_rotor_has_are_refused_beside_gaps(
 
 
 def thruster(number: int, carrier: str, place: str, axis: int) -> str:
-    return f"""<joint name="rotor{number}" type="continuous"><limit effort="100" lower="1" upper="9" velocity="0.5"/>
-      <parent link="{carrier}"/><child link="thrust{number}"/><origin xyz="{place}" rpy="0.1 0 0"/>
-      <axis xyz="0 0 {axis}"/></joint><link name="thrust{number}"><inertial><mass value="0.01"/>
-      <inertia ixx="1e-6" iyy="1e-6" izz="2e-6" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+    return f"""<joint name="rotor{number}" type="continuous">
+    <limit effort="100" lower="1" upper="9" velocity="0.5"/>
+      <parent link="{carrier}"/><child link="thrust{number}"/>
+      <origin xyz="{place}" rpy="0.1 0 0"/>
+      <axis xyz="0 0 {axis}"/></joint><link name="thrust{number}"><inertial>
+      <mass value="0.01"/>
+      <inertia ixx="1e-6" iyy="1e-6" izz="2e-6" ixy="0" ixz="0" iyz="0"/></inertial>
+      </link>"""
 
 
 JSK = (
@@ -267,13 +276,19 @@ def test_rotors_on_an_arm_are_gaps_that_name_the_joint(tmp_path: Path) -> None:
 
 
 PLUGIN = '<gazebo><plugin name="{}" filename="{}">{}</plugin></gazebo>'
-MOTOR = "<jointName>rotor1</jointName><linkName>thrust1</linkName><turningDirection>cw</turningDirection>"
+MOTOR = (
+    "<jointName>rotor1</jointName><linkName>thrust1</linkName>"
+    "<turningDirection>cw</turningDirection>"
+)
 
 
 def test_what_a_source_has_read_is_in_no_note_and_other_plugins_are_named(
     tmp_path: Path,
 ) -> None:
-    drags = "<rotorDragCoefficient>1e-4</rotorDragCoefficient><rollingMomentCoefficient>0</rollingMomentCoefficient>"
+    drags = (
+        "<rotorDragCoefficient>1e-4</rotorDragCoefficient>"
+        "<rollingMomentCoefficient>0</rollingMomentCoefficient>"
+    )
     motor = PLUGIN.format(
         "motor", "libmotor.so", f"{MOTOR}<motorConstant>1e-5</motorConstant>{drags}"
     )
@@ -288,7 +303,8 @@ def test_what_a_source_has_read_is_in_no_note_and_other_plugins_are_named(
 
 
 def massless(name: str, kind: str, parent: str, axis: str = "1 0 0") -> str:
-    return f"""<link name="{parent}"/><joint name="to_{name}" type="{kind}"><parent link="{parent}"/>
+    return f"""<link name="{parent}"/><joint name="to_{name}" type="{kind}">
+    <parent link="{parent}"/>
       <child link="{name}"/><origin xyz="1 2 3"/><axis xyz="{axis}"/>
       <limit lower="-9" upper="9" effort="0" velocity="5"/></joint>"""
 
@@ -541,9 +557,12 @@ def test_the_refusal_of_a_law_proposes_an_end_effector(
 
 
 MACROS = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="r">
-  <xacro:include filename="$(find parts_of_ours)/parts.xacro"/><xacro:hull mass="${2 * $(arg mass)}"/></robot>"""
-PARTS = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:macro name="hull" params="mass">
-  <link name="hull"><inertial><mass value="${mass}"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>
+  <xacro:include filename="$(find parts_of_ours)/parts.xacro"/>
+  <xacro:hull mass="${2 * $(arg mass)}"/></robot>"""
+PARTS = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:macro name="hull" params="mass">
+  <link name="hull"><inertial><mass value="${mass}"/>
+  <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>
   </inertial></link></xacro:macro></robot>"""
 
 

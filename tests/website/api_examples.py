@@ -24,8 +24,12 @@ TEXT = """
 ...         return skyarm.Vec3(2.0, 0.0, 0.0)  # m/s, world axes
 
 ## Batch
->>> batch = skyarm.Batch(scenario, ["plant.payload.mass"], metrics=["ee_error_mean"])  # doctest: +SKIP
->>> outcome = batch.fly({"plant.payload.mass": np.linspace(0.0, 0.1, 64)})  # doctest: +SKIP
+>>> batch = skyarm.Batch(  # doctest: +SKIP
+...     scenario, ["plant.payload.mass"], metrics=["ee_error_mean"]
+... )
+>>> outcome = batch.fly(  # doctest: +SKIP
+...     {"plant.payload.mass": np.linspace(0.0, 0.1, 64)}
+... )
 
 ## Body
 >>> skyarm.Body(mass=0.7, inertia=[0.007, 0.007, 0.012]).mass
@@ -33,11 +37,13 @@ TEXT = """
 
 ## Change
 >>> change = skyarm.Change(at=0.05, path="environment.wind.force.x", value=2.0)
->>> dataclasses.replace(skyarm.load_scenario("case3_wind"), changes=(change,)).changes[0].at
+>>> windy = skyarm.load_scenario("case3_wind")
+>>> dataclasses.replace(windy, changes=(change,)).changes[0].at
 0.05
 
 ## Command
->>> skyarm.Command(rotor_speeds=(480.0,) * 4, efforts=(0.0, 0.0)).efforts  # rad/s; N m or N
+>>> # rad/s; N m or N
+>>> skyarm.Command(rotor_speeds=(480.0,) * 4, efforts=(0.0, 0.0)).efforts
 (0.0, 0.0)
 
 ## Constant
@@ -58,7 +64,8 @@ TEXT = """
 'hybrid_computed_torque'
 
 ## Delays
->>> dataclasses.replace(scenario, delays=skyarm.Delays(command=0.003)).delays.command  # s
+>>> # s
+>>> dataclasses.replace(scenario, delays=skyarm.Delays(command=0.003)).delays.command
 0.003
 
 ## Drive
@@ -88,17 +95,22 @@ TEXT = """
 >>> class Pull(skyarm.Force):
 ...     def wrenches(self, memory, t, motion, rotor_speeds):
 ...         tip, link = motion.frame()
-...         return (skyarm.Wrench(force_W=skyarm.Vec3(0.0, 0.0, -1.0), point=tip, body=link),)
+...         down = skyarm.Vec3(0.0, 0.0, -1.0)
+...         return (skyarm.Wrench(force_W=down, point=tip, body=link),)
 
 ## ForceWind
->>> windy = dataclasses.replace(scenario, wind=skyarm.ForceWind(force_W=[2.0, 0.0, 0.0]))  # N, world axes
+>>> windy = dataclasses.replace(
+...     scenario, wind=skyarm.ForceWind(force_W=[2.0, 0.0, 0.0])
+... )  # N, world axes
 
 ## Frame
 >>> skyarm.Frame(name="tip", link=0, position=[0, 0, -0.2]).name
 'tip'
 
 ## Gust
->>> gust = skyarm.Gust(peak=[2.0, 0.0, 0.0], start=3.0, duration=2.0, shape="one_minus_cosine")
+>>> gust = skyarm.Gust(
+...     peak=[2.0, 0.0, 0.0], start=3.0, duration=2.0, shape="one_minus_cosine"
+... )
 >>> float(gust.at(4.0).x)
 2.0
 
@@ -107,7 +119,9 @@ TEXT = """
 0.5
 
 ## Joint
->>> skyarm.Joint(name="shoulder", axis=[0, 1, 0], position=[0, 0, -0.02], effort_limit=0.5).kind
+>>> skyarm.Joint(
+...     name="shoulder", axis=[0, 1, 0], position=[0, 0, -0.02], effort_limit=0.5
+... ).kind
 'revolute'
 
 ## JointDrive
@@ -116,7 +130,8 @@ TEXT = """
 
 ## Link
 >>> joint = skyarm.Joint(name="shoulder", axis=[0, 1, 0], position=[0, 0, 0])
->>> skyarm.Link(name="arm", parent=-1, joint=joint, body=skyarm.Body(mass=0.05)).parent  # -1: the base
+>>> # -1: the base
+>>> skyarm.Link(name="arm", parent=-1, joint=joint, body=skyarm.Body(mass=0.05)).parent
 -1
 
 ## Log
@@ -161,7 +176,9 @@ TEXT = """
 9.81
 
 ## MovingAir
->>> breeze = dataclasses.replace(scenario, wind=skyarm.MovingAir(velocity_W=[3.0, 0.0, 0.0]))  # m/s, world axes
+>>> breeze = dataclasses.replace(
+...     scenario, wind=skyarm.MovingAir(velocity_W=[3.0, 0.0, 0.0])
+... )  # m/s, world axes
 
 ## NamedSensor
 >>> class Clock(skyarm.Sensor):
@@ -170,7 +187,8 @@ TEXT = """
 'clock'
 
 ## Payload
->>> loaded = dataclasses.replace(scenario.plant, vehicle=vehicle.with_payload(0.05))  # kg at the tip
+>>> # kg at the tip
+>>> loaded = dataclasses.replace(scenario.plant, vehicle=vehicle.with_payload(0.05))
 >>> round(float(loaded.vehicle.mass - vehicle.mass), 3)
 0.05
 
@@ -193,7 +211,9 @@ TEXT = """
 200
 
 ## Reach
->>> bool(skyarm.Reach(within=0.05, of=[0.0, 0.0, 0.5]).holds(skyarm.Vec3(0.0, 0.02, 0.5)))
+>>> bool(
+...     skyarm.Reach(within=0.05, of=[0.0, 0.0, 0.5]).holds(skyarm.Vec3(0.0, 0.02, 0.5))
+... )
 True
 
 ## Reference
@@ -201,8 +221,13 @@ True
 (3,)
 
 ## Rotor
->>> skyarm.Rotor(name="front", position=[0.17, 0, 0], direction=-1, thrust_coefficient=8.5e-6,
-...              moment_coefficient=0.016).direction  # -1: clockwise seen against the axis
+>>> skyarm.Rotor(
+...     name="front",
+...     position=[0.17, 0, 0],
+...     direction=-1,
+...     thrust_coefficient=8.5e-6,
+...     moment_coefficient=0.016,
+... ).direction  # -1: clockwise seen against the axis
 -1
 
 ## Scenario
@@ -221,7 +246,8 @@ skyarm.scenario.scenario_record.ScenarioError: ...
 ...         return memory, state.position.z
 
 ## SensorNoise
->>> noisy = dataclasses.replace(scenario, noise=skyarm.SensorNoise(position=0.002))  # m, standard deviation
+>>> # m, standard deviation
+>>> noisy = dataclasses.replace(scenario, noise=skyarm.SensorNoise(position=0.002))
 
 ## Session
 >>> session = skyarm.Session(scenario)
@@ -244,12 +270,16 @@ Traceback (most recent call last):
 skyarm.studies.sweep.study.StudyError: ...
 
 ## Surface
->>> skyarm.Surface(name="wall", shape="box", size=[0.1, 2.0, 0.9], position=[0.3, 0.0, 0.45]).shape
+>>> skyarm.Surface(
+...     name="wall", shape="box", size=[0.1, 2.0, 0.9], position=[0.3, 0.0, 0.45]
+... ).shape
 'box'
 
 ## Task
 >>> task = skyarm.load_task("eagle_catch")
->>> slower = dataclasses.replace(task, limits=dataclasses.replace(task.limits, joint_rate=2.0))
+>>> slower = dataclasses.replace(
+...     task, limits=dataclasses.replace(task.limits, joint_rate=2.0)
+... )
 >>> slower.limits.joint_rate  # rad/s
 2.0
 
@@ -301,7 +331,9 @@ skyarm.vehicle.check.VehicleError: ...
 
 ## check_law
 >>> model = skyarm.Model(vehicle=vehicle)
->>> skyarm.check_law(lambda model: skyarm.make_controller("decoupled_pd", model))  # doctest: +SKIP
+>>> skyarm.check_law(  # doctest: +SKIP
+...     lambda model: skyarm.make_controller("decoupled_pd", model)
+... )
 
 ## circle
 >>> path = skyarm.circle(radius=0.3, frequency_hz=0.08, center=[0, 0, 1])
@@ -309,7 +341,9 @@ skyarm.vehicle.check.VehicleError: ...
 [0.3, 0.0, 1.0]
 
 ## compare
->>> results = skyarm.compare("case3", ["paper_pd", "centroidal_tip"], "out/case3")  # doctest: +SKIP
+>>> results = skyarm.compare(  # doctest: +SKIP
+...     "case3", ["paper_pd", "centroidal_tip"], "out/case3"
+... )
 >>> print(results.report.markdown())  # doctest: +SKIP
 
 ## energy
@@ -324,7 +358,9 @@ True
 
 ## forward_dynamics
 >>> tau = skyarm.inverse_dynamics(vehicle, *pose, rates, [0] * 8)
->>> bool(np.allclose(skyarm.forward_dynamics(vehicle, *pose, rates, tau), 0.0, atol=1e-9))
+>>> bool(
+...     np.allclose(skyarm.forward_dynamics(vehicle, *pose, rates, tau), 0.0, atol=1e-9)
+... )
 True
 
 ## frame_jacobian
@@ -348,12 +384,15 @@ True
 True
 
 ## identify_flights
->>> found = skyarm.identify_flights([skyarm.load_flight("flight.ulg")], vehicle)  # doctest: +SKIP
+>>> found = skyarm.identify_flights(  # doctest: +SKIP
+...     [skyarm.load_flight("flight.ulg")], vehicle
+... )
 >>> found["rotors.time_constant_up"].is_known  # doctest: +SKIP
 True
 
 ## inverse_dynamics
->>> skyarm.inverse_dynamics(vehicle, *pose, rates, [0] * 8).shape  # N, N m; dual of [v_W, w_B, joint rates]
+>>> # N, N m; dual of [v_W, w_B, joint rates]
+>>> skyarm.inverse_dynamics(vehicle, *pose, rates, [0] * 8).shape
 (8,)
 
 ## list_scenarios
@@ -369,7 +408,9 @@ True
 True
 
 ## load_controller
->>> skyarm.load_controller("tuned.toml", skyarm.Model(vehicle=vehicle))  # doctest: +SKIP
+>>> skyarm.load_controller(  # doctest: +SKIP
+...     "tuned.toml", skyarm.Model(vehicle=vehicle)
+... )
 
 ## load_flight
 >>> flight = skyarm.load_flight("flight.ulg")  # doctest: +SKIP
@@ -398,7 +439,9 @@ True
 6
 
 ## make_controller
->>> skyarm.make_controller("indi", skyarm.Model(vehicle=vehicle), cutoff=20.0).par.cutoff  # Hz
+>>> skyarm.make_controller(
+...     "indi", skyarm.Model(vehicle=vehicle), cutoff=20.0
+... ).par.cutoff  # Hz
 20.0
 
 ## make_mixer
@@ -410,16 +453,20 @@ True
 >>> hover.delay  # doctest: +SKIP
 
 ## mass_matrix
->>> skyarm.mass_matrix(vehicle, *pose).shape  # of [v_W, w_B, joint rates]; kg, kg m, kg m^2
+>>> # of [v_W, w_B, joint rates]; kg, kg m, kg m^2
+>>> skyarm.mass_matrix(vehicle, *pose).shape
 (8, 8)
 
 ## mix
->>> speeds, squares = skyarm.mix(skyarm.make_mixer(vehicle), skyarm.Vec3(0.0, 0.0, 0.0), 8.0)  # N m, N
+>>> speeds, squares = skyarm.mix(
+...     skyarm.make_mixer(vehicle), skyarm.Vec3(0.0, 0.0, 0.0), 8.0
+... )  # N m, N
 >>> [round(speed) for speed in speeds]  # rad/s
 [484, 484, 484, 484]
 
 ## momentum
->>> skyarm.momentum(vehicle, *pose, rates).shape  # N s; N m s about the centre of mass, world axes
+>>> # N s; N m s about the centre of mass, world axes
+>>> skyarm.momentum(vehicle, *pose, rates).shape
 (6,)
 
 ## normals
@@ -427,10 +474,13 @@ True
 4
 
 ## paper
->>> paper_vehicle, q = skyarm.load_vehicle("hummingbird_arm2"), [0, 0, 1, 0.1, -0.2, 0.3, 0.5, -0.4]
+>>> paper_vehicle = skyarm.load_vehicle("hummingbird_arm2")
+>>> q = [0, 0, 1, 0.1, -0.2, 0.3, 0.5, -0.4]
 >>> skyarm.paper.mass_matrix(paper_vehicle, q)[6:, 6:].round(6).tolist()
 [[0.003193, 0.001147], [0.001147, 0.000525]]
->>> skyarm.paper.coriolis_matrix(paper_vehicle, q, [0, 0, 0, 0, 0, 0, 1.0, -0.5])[6:, 6:].round(6).tolist()
+>>> q_dot = [0, 0, 0, 0, 0, 0, 1.0, -0.5]
+>>> matrix = skyarm.paper.coriolis_matrix(paper_vehicle, q, q_dot)
+>>> matrix[6:, 6:].round(6).tolist()
 [[-0.000131, 0.000131], [-0.000263, 0.0]]
 >>> skyarm.paper.gravity_vector(paper_vehicle, q)[2:].round(3).tolist()  # N, N m
 [7.907, 0.013, 0.026, 0.0, 0.026, -0.004]
@@ -442,10 +492,14 @@ True
 3.2
 
 ## plot
->>> figure = skyarm.plot(skyarm.run(scenario), "flight.png", kind="tip")  # doctest: +SKIP
+>>> figure = skyarm.plot(  # doctest: +SKIP
+...     skyarm.run(scenario), "flight.png", kind="tip"
+... )
 
 ## plot_sweep
->>> figure = skyarm.plot_sweep("out/robustness", "ee_error_mean", "plant.vehicle.base.mass")  # doctest: +SKIP
+>>> figure = skyarm.plot_sweep(  # doctest: +SKIP
+...     "out/robustness", "ee_error_mean", "plant.vehicle.base.mass"
+... )
 
 ## preset
 >>> skyarm.preset("paper_pd", skyarm.Model(vehicle=vehicle)).name
@@ -476,8 +530,14 @@ True
 >>> skyarm.save_scenario("lighter.toml", lighter, "case3")  # doctest: +SKIP
 
 ## scenario_from
->>> skyarm.scenario_from({"name": "x", "duration": 1.0, "plant": {"vehicle": "hummingbird"},
-...                       "controller": {"law": "rotors_sim_position"}}).duration
+>>> skyarm.scenario_from(
+...     {
+...         "name": "x",
+...         "duration": 1.0,
+...         "plant": {"vehicle": "hummingbird"},
+...         "controller": {"law": "rotors_sim_position"},
+...     }
+... ).duration
 1.0
 
 ## score
@@ -486,7 +546,9 @@ True
 
 ## tune
 >>> tuned = skyarm.tune("case3", "centroidal_tip")  # doctest: +SKIP
->>> skyarm.run(skyarm.load_scenario("case3").under(tuned.controller)).status  # doctest: +SKIP
+>>> skyarm.run(  # doctest: +SKIP
+...     skyarm.load_scenario("case3").under(tuned.controller)
+... ).status
 
 ## vehicle_drawing
 >>> figure = skyarm.vehicle_drawing(vehicle, (0.3, -0.6))  # doctest: +SKIP

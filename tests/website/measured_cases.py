@@ -1,7 +1,8 @@
 """Laws in Case 3 and in its wind with and without noise, and times of a control step:
 tables of docs/results_laws.md.
 
-    python tests/website/measured_cases.py noise|predictive|learned|control_step [--seeds 8] [--small]
+    python tests/website/measured_cases.py noise|predictive|learned|control_step
+        [--seeds 8] [--small]
 
 Noisy flights are those of the comparison's condition ``noisy``. One seed flies
 ``nmpc``, whose plans take seconds.

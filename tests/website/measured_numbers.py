@@ -231,7 +231,8 @@ def filled(page: str, entry: Entry, kept: Mapping[str, Any]) -> str:
     body = old[: old.rfind("\n\n") + 1]
     if entry.way == "prints":
         body = with_tables(body, kept["tables"])
-    new = f"{body.rstrip()}\n\n{last_line(kept['version'], kept['machine'], entry.command)}"
+    last = last_line(kept["version"], kept["machine"], entry.command)
+    new = f"{body.rstrip()}\n\n{last}"
     whole = f"<!-- measured: {entry.name} -->\n{new}<!-- /measured -->"
     return BLOCK.sub(lambda found: whole if found[1] == entry.name else found[0], page)
 

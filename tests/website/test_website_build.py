@@ -70,9 +70,7 @@ def test_the_menu_names_every_page_once_and_no_other() -> None:
     assert made <= set(menu)
 
 
-def test_an_entry_without_its_page_is_left_out_with_a_heading_that_it_leaves_empty() -> (
-    None
-):
+def test_an_entry_without_its_page_is_left_out_with_its_empty_heading() -> None:
     text = (
         "nav:\n  - a.md\n  - Some:\n      - B: b.md\n      - C: c/d.md\n  - Last:"
         " e.md\n"

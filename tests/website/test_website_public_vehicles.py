@@ -24,8 +24,10 @@ OF_THE_FILES = {
 }
 """Name -> mass (kg) and rotors, by hand from the files' words."""
 
-BOX = """<sdf version="1.9"><model name="box"><link name="hull"><inertial><mass>1.25</mass>
-  <inertia><ixx>0.01</ixx><iyy>0.01</iyy><izz>0.02</izz><ixy>0</ixy><ixz>0</ixz><iyz>0</iyz></inertia>
+BOX = """<sdf version="1.9"><model name="box"><link name="hull">
+  <inertial><mass>1.25</mass>
+  <inertia><ixx>0.01</ixx><iyy>0.01</iyy><izz>0.02</izz>
+  <ixy>0</ixy><ixz>0</ixz><iyz>0</iyz></inertia>
   </inertial></link></model></sdf>"""
 
 

@@ -106,9 +106,7 @@ def test_half_the_weight_has_half_the_grip() -> None:
     assert deep[2] == pytest.approx(3.0 * MASS * GRAVITY)
 
 
-def test_both_quaternions_of_an_attitude_are_held_alike_and_return_the_shorter_way() -> (
-    None
-):
+def test_both_quaternions_of_an_attitude_are_held_and_return_alike() -> None:
     for angle in (0.4, -2.5, 3.0):
         turned = HELD * Rotation.from_euler("z", angle)
         one, other = (

@@ -76,6 +76,7 @@ def continuous(quaternions: Array) -> Array:
     """Sequence of quaternions (N, 4), with signs chosen so that neighbours are close: q
     and -q are one attitude.
     """
+    # two neighbours on opposite sides of the sphere are the same attitude nearby
     turns = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
     return (
         quaternions

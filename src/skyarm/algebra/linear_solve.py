@@ -32,6 +32,7 @@ def _groups(A: Sequence[Sequence[Scalar]]) -> list[list[int]]:
     for i, row in enumerate(A):
         coupled = [g for g in groups if any(not same(row[j], 0) for j in g)]
         groups = [g for g in groups if g not in coupled]
+        # in the order of the unknowns: rounding does not depend on the search
         groups.append(sorted([i, *(j for g in coupled for j in g)]))
     return groups
 
@@ -43,6 +44,7 @@ def _solve_group(A: list[list[Scalar]], b: list[Scalar]) -> list[Scalar]:
     L: list[list[Scalar]] = [[0] * n for _ in range(n)]
     inverse: list[Scalar] = []
     for j in range(first):
+        # one division a column: products with its inverse replace the others
         inverse.append(divide(1.0, A[j][j]))
         for i in range(j + 1, n):
             L[i][j] = mul(A[i][j], inverse[j])
@@ -51,6 +53,7 @@ def _solve_group(A: list[list[Scalar]], b: list[Scalar]) -> list[Scalar]:
                 A[i][k] = sub(A[i][k], mul(L[i][j], A[k][j]))
     x = [mul(value, pivot) for value, pivot in zip(b, inverse, strict=False)]
     x += _solve_two(A, b) if n > 1 else [mul(b[0], divide(1.0, A[0][0]))]
+    # back substitution: the last two are known, each one above follows
     for i in reversed(range(first)):
         for k in range(i + 1, n):
             x[i] = sub(x[i], mul(L[k][i], x[k]))

@@ -112,6 +112,7 @@ class Mat3(ArrayLike):
         """
         rows = [tuple(row) for row in self.rows]
         for k, (i, j) in enumerate(_OTHERS):
+            # structural entries alone: a number that is 0 now may be another later
             beside = (rows[k][i], rows[k][j], rows[i][k], rows[j][k])
             still = same(rows[k][k], 1) and all(same(c, 0) for c in beside)
             if still and type(rows[i][i]) is not int:
@@ -185,6 +186,7 @@ class Sym3:
         """Inertia of a point mass at ``c`` about the origin, m S(c)^T S(c)
         (parallel-axis theorem).
         """
+        # the mass first: its products are shared with the first moment m c
         mx, my, mz = c * mass
         xx, yy, zz = mul(mx, c.x), mul(my, c.y), mul(mz, c.z)
         return cls(
@@ -211,15 +213,11 @@ class Sym3:
 
     def __add__(self, other: Sym3) -> Sym3:
         """Sum of two symmetric matrices."""
-        return Sym3(
-            *(add(a, b) for a, b in zip(self.entries, other.entries, strict=True))
-        )
+        return Sym3(*map(add, self.entries, other.entries))
 
     def __sub__(self, other: Sym3) -> Sym3:
         """Difference of two symmetric matrices."""
-        return Sym3(
-            *(sub(a, b) for a, b in zip(self.entries, other.entries, strict=True))
-        )
+        return Sym3(*map(sub, self.entries, other.entries))
 
     def __mul__(self, scalar: Scalar) -> Sym3:
         """Product of the matrix with a scalar."""
@@ -239,6 +237,7 @@ class Sym3:
         if R.turning_axis() is not None:
             return Sym3.of_matrix(self.full().rotate(R))
         a = self.full() @ R.T
+        # six products in place of nine: the result is symmetric by construction
         r0, r1, r2 = R.rows
         c0, c1, c2 = map(a.column, range(3))
         return Sym3(

@@ -27,6 +27,7 @@ def slopes(xs: Sequence[Scalar], ys: Sequence[Scalar]) -> list[Scalar]:
     for h0, h1, d0, d1 in zip(
         widths[:-1], widths[1:], steep[:-1], steep[1:], strict=True
     ):
+        # at most three times either chord, which keeps both pieces monotone
         w0, w1 = 2.0 * h1 + h0, h1 + 2.0 * h0
         inner.append(divide(w0 + w1, divide(w0, d0) + divide(w1, d1)))
     return [
@@ -58,6 +59,7 @@ def inverse_curve(y: Scalar, xs: Sequence[Scalar], ys: Sequence[Scalar]) -> Scal
     """
     start, width, low, rise, before, after, last = _piece(y, xs, ys, ys)
     height = clip(y - low, 0.0, rise)
+    # zero times the height: bounds of an array or of a traced number are of its kind
     t, bottom, top = divide(height, rise), 0.0 * height, 0.0 * height + 1.0
     for _ in range(ITERATIONS):
         above = _cubic(t, rise, before, after) - height
@@ -66,6 +68,7 @@ def inverse_curve(y: Scalar, xs: Sequence[Scalar], ys: Sequence[Scalar]) -> Scal
             2.0 * (3.0 * rise - 2.0 * before - after)
             + t * (3.0 * (before + after - 2.0 * rise))
         )
+        # where the curve is flat Newton has no slope: the chord's stands in
         step = t - divide(above, where(slope > 0.0, slope, rise))
         # outside of the bracket, its middle
         t = where(
@@ -106,6 +109,7 @@ def _piece(
     ]
     piece: Scalars = rows[0]
     for knot, row in zip(knots[1:-1], rows[1:], strict=True):
+        # a knot itself belongs to the piece before it; both give the same value there
         later = at > knot
         piece = tuple(
             where(later, new, old) for new, old in zip(row, piece, strict=True)

@@ -178,5 +178,6 @@ def euler_angles(R_WB: Mat3) -> tuple[Any, Any, Any]:
     Source: Diebel 2006, section 8.
     """
     r0, r1, r2 = R_WB.rows
+    # |cos theta|: it vanishes at 90 degrees, where atan2 still gives the pitch
     level = sqrt(r0.x * r0.x + r1.x * r1.x)
     return atan2(r2.y, r2.z), atan2(neg(r2.x), level), atan2(r1.x, r0.x)

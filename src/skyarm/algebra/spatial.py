@@ -76,6 +76,7 @@ class Force:
 
 def centripetal(w: Vec3, r: Vec3) -> Vec3:
     """Centripetal acceleration w x (w x r)."""
+    # products of rates, which all bodies of one frame share, before those with lengths
     p, q, s = w
     pq, qs, ps = mul(p, q), mul(q, s), mul(p, s)
     pp, qq, ss = mul(p, p), mul(q, q), mul(s, s)
@@ -232,6 +233,7 @@ class ArticulatedInertia:
         M = self.M - _outer_symmetric(f, fi)
         if not free:
             return ArticulatedInertia(J, H, M)
+        # an axis at an angle clears no single row, so that nothing becomes structure
         turning, sliding = S.angular.coordinate_axis(), S.linear.coordinate_axis()
         if turning is not None:
             return ArticulatedInertia(J.clear_axis(turning), H.cleared_row(turning), M)
@@ -255,5 +257,6 @@ class ArticulatedInertia:
 
 def _outer_symmetric(a: Vec3, b: Vec3) -> Sym3:
     """Outer product a b^T of parallel vectors, which is symmetric."""
+    # rounding makes the halves differ: the upper one is taken for both
     m = Mat3(b * a.x, b * a.y, b * a.z)
     return Sym3.of_matrix(m)

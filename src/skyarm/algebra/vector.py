@@ -48,6 +48,7 @@ class ArrayLike:
             ValueError: ``copy=False``, which cannot be had.
         """
         name = type(self).__name__
+        # NumPy's protocol: a copy that is not wanted must be refused, not made
         if copy is False:
             raise ValueError(
                 f"{name}: its numbers lie apart, an array of them is a copy"
@@ -61,6 +62,7 @@ class ArrayLike:
                 raise TypeError(
                     f"{what}: has no values yet, so that no array can be made of it"
                 )
+        # a vector has one number a row, a matrix three
         numbers = rows if len(rows[0]) > 1 else [row[0] for row in rows]
         return np.array(numbers, dtype=float if dtype is None else dtype)
 

@@ -66,6 +66,7 @@ def name_completion(*kinds: str) -> Callable[[str], list[str]]:
     """
 
     def complete(incomplete: str) -> list[str]:
+        # a list of names is completed at its last one
         before, comma, begun = incomplete.rpartition(",")
         suffixes = [suffix for kind in kinds for suffix in SUFFIXES[kind]]
         folder = begun[: begun.rfind("/") + 1]
@@ -163,7 +164,7 @@ Scenario = Annotated[
     ),
 ]
 
-Flown = Annotated[
+ScenarioOrLog = Annotated[
     str,
     typer.Argument(
         help="a scenario (.toml), a log, or a shipped name",
@@ -339,6 +340,7 @@ def require_not_another(name: str, expected: str) -> None:
         (
             kind
             for kind in kinds
+            # a name with a dot or slash is a path, whose file says itself what it is
             if "." not in name and "/" not in name and name in shipped_names(kind)
         ),
         "",

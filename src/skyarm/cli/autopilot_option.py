@@ -87,6 +87,7 @@ def with_typed_options(planned: Scenario, typed: str) -> Scenario:
                 f" {no_option(name, allowed, option)}"
             )
     controller, par = planned.agent.controller, innermost(planned.agent.controller.par)
+    # read by the same function as the table of a file, so that both accept the same
     table = Fields({"autopilot": name, **options}, "controller")
     made = innermost(by_words(table, plain_model(controller.par.model), {}).par)
     given = {
@@ -108,7 +109,9 @@ def _options(words: str, typed: str) -> dict[str, Entry]:
     Raises:
         ValueError: an option that is given twice.
     """
-    pieces, depth = [""], 0
+    pieces = [""]
+    depth = 0
+    # quoted texts as a whole, all else letter by letter
     for part in re.findall(r'"[^"]*"|\'[^\']*\'|.', words, re.DOTALL):
         depth += (part in "[{") - (part in "]}")
         if part == "," and not depth:

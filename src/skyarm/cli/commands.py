@@ -101,6 +101,7 @@ class LateConversion:
                 and not kind.is_ranged
                 and kind.parameter_info.parser is None
             ):
+                # values that are right already pass by; the others go typer's own way
                 each.get_runtime_param = partial(
                     SimpleNamespace, coerce=partial(_value_as, kind.annotation)
                 )
@@ -114,6 +115,7 @@ def _value_as(kind: object, value: Any, param: Parsed, ctx: Parsed) -> object:
     several = param.multiple or param.nargs == -1
     if value is None:
         return () if several else None
+    # a text that is not printable may come from bytes that are no UTF-8
     if type(value) is kind and not several and (kind is not str or value.isprintable()):
         return value
     return type(param).get_runtime_param(param).coerce(value, param=param, ctx=ctx)
@@ -124,12 +126,11 @@ class Spelled(LateConversion, TyperCommand):
     every command has.
     """
 
-    def __init__(self, *words: Any, **more: Any) -> None:
-        super().__init__(*words, **more)
-        own = {
-            word for each in self.params if each.name not in EVERY for word in each.opts
-        }
+    def __init__(self, *arguments: Any, **more: Any) -> None:
+        super().__init__(*arguments, **more)
         every: list[Parsed] = self.params
+        owned = [each for each in every if each.name not in EVERY]
+        own = {word for each in owned for word in each.opts}
         # a short name that a plugin's command has for something else stays its own
         for each in every:
             each.opts = [
@@ -186,6 +187,7 @@ class Grouped(LateConversion, TyperGroup):
 
     def resolve_command(self, ctx: Parsed, args: list[str]) -> Any:
         """Find the command named by the first argument, or by the first two."""
+        # names of two words are subcommands
         if " ".join(args[:2]) in self.commands:
             args = [" ".join(args[:2]), *args[2:]]
         return super().resolve_command(ctx, args)
@@ -228,9 +230,11 @@ def program(words: Sequence[str]) -> typer.Typer:
             made.command(name, cls=Spelled, help=row.title)(
                 with_output_options(name, row.load())
             )
+        # the help needs their titles, and no module
         elif name not in words:
             made.command(name, help=row.title)(lambda: None)
         else:
+            # only the module of the command that is called is loaded
             module = import_module(_module(row))
             made.command(name, cls=Spelled)(
                 with_output_options(name, getattr(module, name))
@@ -251,8 +255,10 @@ def perform() -> int:
     """Execute the command line of this process and return its exit code."""
     usual, warnings.showwarning = warnings.showwarning, say_warning
     try:
+        # inputs are kept for the whole command, so that none is written over
         with _lines_for_users(), inputs_kept():
             arguments = without_plugins(sys.argv[1:])
+            # also what a shell completes, whose words stand in its variables
             typed = shlex.split(
                 os.environ.get("_TYPER_COMPLETE_ARGS")
                 or os.environ.get("COMP_WORDS")
@@ -273,6 +279,7 @@ def perform() -> int:
         # flush into
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return 1
+    # sys.exit in a user's code is an error of that code
     except SystemExit as error:
         line = _in_users_code(error)
         if not line:
@@ -309,6 +316,7 @@ def without_plugins(arguments: Sequence[str]) -> list[str]:
         if not file:
             raise ValueError(f"{PLUGIN}: must be followed by a .py file")
         load_plugin(file)
+    # before the options are read, since these check the names of laws
     for argument in left:
         for word in (
             argument.partition("=")[2].split(",")
@@ -321,13 +329,12 @@ def without_plugins(arguments: Sequence[str]) -> list[str]:
 
 def _bad_usage(error: Any) -> str:
     """One-line message for a wrong option or argument on the command line."""
-    refused, parameter = (
-        getattr(error.__cause__, "errors", None),
-        getattr(error, "param", None),
-    )
+    refused = getattr(error.__cause__, "errors", None)
+    parameter = getattr(error, "param", None)
     if refused is None or parameter is None:
         return str(error.format_message()).rstrip(".")
     first = refused()[0]
+    # pydantic's words, without its hints
     allowed = first["msg"].removeprefix("Input should be ").partition(",")[0]
     return f"{parameter.opts[0]} = {shown(first['input'])}: must be {allowed}"
 
@@ -389,10 +396,11 @@ def _input_error(error: Exception) -> str:
             f"{what}: must be usable"
             f" ({error.strerror or errno.errorcode.get(error.errno, error.errno)})"
         )
-    told = isinstance(
+    # an error that the library raised on purpose is an answer; another one is a fault
+    deliberate = isinstance(
         error, (OSError, ValueError, NoMachineCodeError, MissingExtraError)
     ) and is_deliberate(error)
-    return str(error) if told else ""
+    return str(error) if deliberate else ""
 
 
 def _our_fault(error: Exception) -> int:

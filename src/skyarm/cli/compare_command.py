@@ -148,15 +148,10 @@ def compare(
         raise ValueError(
             f"--plant = {plant!r}: {must_be_one_of(registered('plant'), plant)}"
         )
-    kind = (
-        suite
-        if suite in SUITES
-        else FILE
-        if kind_of_file(suite) == "suite"
-        else "a scenario"
-    )
+    kind = _kind_of_comparison(suite)
     _require_effect(context, suite, kind)
-    names, options = names_of("--laws", laws), dict[str, Any](seed=seed, plant=plant)
+    names = names_of("--laws", laws)
+    options = dict[str, Any](seed=seed, plant=plant)
     if suite in (ENVELOPE, SURVIVE):
         word, there = ("axes", AXES) if suite == ENVELOPE else ("conditions", SURVIVED)
         options |= {
@@ -210,6 +205,13 @@ def compare(
     _fly(asked, Path(out or asked.folder), count, on)
 
 
+def _kind_of_comparison(suite: str) -> str:
+    """Kind of a comparison, as ``READ_BY`` names it."""
+    if suite in SUITES:
+        return suite
+    return FILE if kind_of_file(suite) == "suite" else "a scenario"
+
+
 def _require_effect(context: typer.Context, suite: str, kind: str) -> None:
     """Raise an error if the user gave an option that has no effect on this kind of
     comparison.
@@ -229,6 +231,7 @@ def _fly(suite: Suite[Any], folder: Path, count: int, on: str | None) -> None:
         ValueError, OSError: one line.
     """
     todo, _ = suite.plan_cells()
+    # one flight of each law suffices, and only a user's law may fail
     for flights in {
         each.entrant.name: each for each in todo if loaded_plugins()
     }.values():

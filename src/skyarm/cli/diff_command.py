@@ -28,7 +28,9 @@ SHORT = (
         for what in ("position", "joint", "ee")
         for how in ("mean", "max")
     ),
-    *("tilt_max", "rotor_jitter", "rotor_saturation"),
+    "tilt_max",
+    "rotor_jitter",
+    "rotor_saturation",
 )
 """Metrics that a terminal shows side by side: errors against the continuous reference,
 as in ``skyarm run``."""
@@ -65,6 +67,7 @@ def diff(
         with bar(str(a.info["scenario"])) as advance:
             b = replay(a, progress=advance)
         if a.status == RUNNING:  # the log of a session that was left before its end
+            # a session's log ends where it was left; the repetition is cut there
             b = rows_of(b, slice(0, a.time.size))
             b.info["status"] = RUNNING
     else:
@@ -113,6 +116,7 @@ def _by_prefix(log: Log) -> dict[str, Log]:
     """Log of each vehicle by the beginning of the names of its metrics; empty for the
     only one.
     """
+    # keys of the document: those of one vehicle have been without its name
     return {
         f"{name}_" if len(log.agents) > 1 else "": own
         for name, own in log.agents.items()
@@ -125,6 +129,7 @@ def _metrics(log: Log) -> dict[str, float]:
     scores = {
         before: score(own, metrics)
         for before, own in _by_prefix(log).items()
+        # a log without instants has no metrics
         if log.time.size
     }
     return {

@@ -156,12 +156,14 @@ def examine() -> list[CheckResult]:
     trials = {
         name: trial
         for name, trial in TRIALS.items()
+        # JAX is an extra that is asked for only where it is installed
         if trial[0] != JAX or installed_versions(["jax"])
     }
     python = (
         f"{platform.python_version()} on {platform.system()} {platform.machine()},"
         f" {os.cpu_count() or 1} cores"
     )
+    # each trial waits for a process of its own, so all run at once
     with ThreadPoolExecutor() as pool:
         tried = pool.map(lambda name: _try_program(name, *trials[name]), trials)
         return [
@@ -184,19 +186,14 @@ def _libraries() -> list[CheckResult]:
         )
     for name, floor in FLOORS.items():
         version = there.get(name)
-        state = (
-            MISSING
-            if version is None
-            else BROKEN
-            if below_floor({name: version})
-            else WORKS
-        )
+        if version is None:
+            state = MISSING
+        else:
+            state = BROKEN if below_floor({name: version}) else WORKS
         finding, remedy = version or "", ""
         if state != WORKS:
-            finding, remedy = (
-                f"{finding}, needs {floor}",
-                f"python -m pip install --upgrade '{name}>={floor}'",
-            )
+            finding = f"{finding}, needs {floor}"
+            remedy = f"python -m pip install --upgrade '{name}>={floor}'"
         parts.append(
             CheckResult(
                 name=name,
@@ -291,10 +288,12 @@ def _try_program(name: str, program: str, remedy: str, needed: bool) -> CheckRes
     else:
         finding = (
             (done.stderr if done.returncode else done.stdout).strip().splitlines()
+            # the last line of an error says what is wrong
             or ["no words"]
         )[-1]
         if done.returncode == 0:
             state, remedy = WORKS, ""
+        # a negative code is the signal that killed it
         elif done.returncode < 0:
             finding = f"ended by signal {-done.returncode}"
     return CheckResult(

@@ -145,6 +145,8 @@ def export(
     controller) become one C99 file. What a format loses of a vehicle stands in the
     first lines of its file.
     """
+    # without a format of laws or vehicles it is a log, whose format may follow from its
+    # file
     if to != "c" and to not in names("vehicle_format"):
         require_left_out(
             context, [*OF_LAWS, *OF_VEHICLES], " of a log; it belongs to --to c or mjcf"
@@ -201,6 +203,7 @@ def _log(
             )
         target = output_file(file, "--out")
     else:
+        # beside the flight, of the same name
         target = Path(flight).with_suffix(f".{to}")
         require_no_input(target, "--out")
     log = load_log(flight)
@@ -243,11 +246,9 @@ def _vehicle(
     """
     if is_scenario(what):
         scenario = load_scenario(what).alone("a model of a vehicle")
-        vehicle, applied, start = (
-            scenario.agent.plant.vehicle,
-            float(scenario.agent.plant.gravity),
-            first_state(scenario),
-        )
+        vehicle = scenario.agent.plant.vehicle
+        applied = float(scenario.agent.plant.gravity)
+        start = first_state(scenario)
         units = [
             each for each in scenario.agent.sensors if reads(each.sensor, ImuReading)
         ]
@@ -261,9 +262,14 @@ def _vehicle(
         ]
         vehicle = replace(vehicle, frames=(*vehicle.frames, *frames))
     else:
-        vehicle, applied, start, units = load_vehicle(what), 9.81, None, []
+        # a vehicle alone stands on earth
+        vehicle = load_vehicle(what)
+        applied = 9.81
+        start = None
+        units = []
     if gravity is not None:
         applied = require_gravity(gravity, "--gravity")
+    # each format takes what its function has arguments for
     chosen |= {
         "gravity": applied,
         "start": start,
@@ -276,13 +282,11 @@ def _vehicle(
     )
     require_result(write, text, isinstance(text, str), "the text of the file")
     write_atomically(file, text.encode())
-    counts, actuators = (
-        {
-            "bodies": len(vehicle.bodies),
-            "joints": len(vehicle.moving),
-        },
-        actuator_names(vehicle),
-    )
+    counts = {
+        "bodies": len(vehicle.bodies),
+        "joints": len(vehicle.moving),
+    }
+    actuators = actuator_names(vehicle)
     give(counts, file=file, vehicle=vehicle.name, actuators=actuators)
     listed = {**counts, "actuators": len(actuators)}.items()
     tell(
@@ -310,7 +314,9 @@ def _law(
             f"--rate = {rate!r}: must be from {SLOWEST:g} to {HIGHEST_RATE} Hz"
         )
     of_gains = kind_of_file(controller) == "gains"
-    notes, estimator, late = list[str](), None, (0, 0)
+    notes = list[str]()
+    estimator = None
+    late = (0, 0)
     if is_named(controller) or of_gains:
         if vehicle is None:
             raise ValueError(
@@ -353,6 +359,7 @@ def _law(
             ]
         control_rate = float(planned.rates.control)
     believed = chosen.par.model.vehicle
+    # names of C begin with a letter and hold no other signs
     identifier = re.sub(r"[^A-Za-z0-9_]", "_", title)
     exported = export_c(
         chosen,

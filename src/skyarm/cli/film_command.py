@@ -111,6 +111,7 @@ def film(
     A recording is a scene that plays in a browser: NAME.viser, or NAME.html with its
     player.
     """
+    # the last word is the film's file unless --out names it
     *flights, file = [*flights, *([] if out is None else [out])]
     if not flights:
         raise ValueError(
@@ -146,8 +147,10 @@ def film(
     output_file(file, "FILE")
     recorded = require_film_format(path, SUFFIXES) is None
     with taken_back(path.parent):
+        # before the flights: a missing renderer must not cost a flight
         _require_renderer(recorded=recorded)
         logs = _logs(flights, law_names(laws), settings)
+        # a log may have been read under this name meanwhile
         require_no_input(path, "FILE")
         with bar("recording" if recorded else "filming") as advance:
             written = write_film(
@@ -202,6 +205,7 @@ def _is_flown(name: str) -> bool:
 def _fly(name: str, law: str | None, stop: float | None) -> Log:
     """Simulate a scenario, at most up to the end of the filmed interval."""
     planned = load_scenario(name, controller=law)
+    # flown no longer than it is filmed
     if stop is not None and stop < planned.duration:
         planned = load_scenario(name, controller=law, duration=stop)
     with bar(f"{planned.name} {law or ''}".strip()) as advance:

@@ -71,7 +71,5 @@ def say_warning(
 ) -> None:
     """Print a Python warning on one line, without its source location."""
     _said.add(str(message))
-    say(
-        f"{'warning' if issubclass(category, RuntimeWarning | UserWarning) else category.__name__}:"
-        f" {message}"
-    )
+    usual = issubclass(category, RuntimeWarning | UserWarning)
+    say(f"{'warning' if usual else category.__name__}: {message}")

@@ -82,6 +82,8 @@ def main() -> None:
 
         code = say_ended(WORDS[came[0].name], 128 + came[0])
     flights = sys.modules.get("skyarm.simulate.stored_programs")
+    # after a command that went well the programs that are used again are worth
+    # optimising
     if code == 0 and flights is not None:
         flights.optimise_repeated()
     # Python would look through a million objects for circles before it ends
@@ -123,6 +125,7 @@ def endings() -> Iterator[list[signal.Signals]]:
         usual = {
             each: handler
             for each, handler in handlers
+            # signals that the caller ignores stay ignored
             if handler not in (signal.SIG_IGN, None)
         }
         for each in usual:

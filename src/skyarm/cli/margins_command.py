@@ -79,6 +79,7 @@ def margins(
     planned = _prepare(scenario, one_law(laws), safety=safety)
     require_within("--instants", instants, 0, MOST_INSTANTS)
     frozen = without_adaptation(planned)
+    # files are checked before the computation, which takes minutes
     with taken_back(*(Path(each).parent for each in (file, page) if each)):
         written = None if file is None else output_file(file, "--out", ".json")
         drawn = None if page is None else output_file(page, "--html", ".html")
@@ -125,6 +126,7 @@ def _prepare(scenario: str, controller: str | None, *, safety: bool) -> Record:
     require_not_another(scenario, "scenario")
     loaded = load_scenario(scenario, controller=controller).alone("stability margins")
     say_suspicious(loaded)
+    # a law that has the layer already needs no second one
     if not safety or isinstance(loaded.agent.controller.par, SafetyParameters):
         return loaded
     return loaded.with_controller(with_safety_layer(loaded.agent.controller))

@@ -106,6 +106,7 @@ def new(
         raise ValueError(f"--tip = {shown(tip)}: must stand beside --from")
     own, flies = own_vehicle_file(source, name, tip) if source else ("", True)
     files = write_starter(kind, name, out, force=force, own=own, flies=flies)
+    # the check of a few poses suffices for the next command
     fails = bool(own and flies) and not assess(files[0], poses=64).flies
     first = FIRST[kind if flies and not fails else "unfinished"]
     first = shlex.join(
@@ -149,6 +150,7 @@ def write_starter(
     )
     if not NAME.fullmatch(name) or keyword.iskeyword(name) or not is_result_name(name):
         raise ValueError(f"name = {shown(name)}: {allowed}")
+    # a law's file is imported by its name, so it would hide a module of that name
     if kind == "law" and (
         name in sys.stdlib_module_names
         or name == "conftest"
@@ -160,7 +162,11 @@ def write_starter(
         )
     starters = resources.files("skyarm.cli") / "starters"
     texts = {Path(folder, f"{name}.toml"): own} if own else {}
-    for ships, written in (OWN if flies else ()) if own else KINDS[kind]:
+    shipped = KINDS[kind]
+    if own:
+        # a vehicle with gaps does not fly, so neither scenario nor test would run
+        shipped = OWN if flies else ()
+    for ships, written in shipped:
         text = (starters / ships).read_text("utf-8")
         texts[Path(folder, written.replace("NAME", name))] = text.replace("NAME", name)
     require_writable(folder)
@@ -171,6 +177,7 @@ def write_starter(
         try:
             for file, text in texts.items():
                 done.append(write_atomically(file, text.encode()))
+        # all files or none, also after an interrupt
         except BaseException:
             for file in done:
                 file.unlink(missing_ok=True)

@@ -40,7 +40,9 @@ which are counted by class."""
 
 def scenario_lines(scenario: Scenario) -> Iterable[Line]:
     """Lines of a scenario: title, vehicle, law, plant, surroundings."""
-    several, rows, kinds = scenario.is_team, dict[str, str](), dict[str, str]()
+    several = scenario.is_team
+    rows = dict[str, str]()
+    kinds = dict[str, str]()
     for name, agent in scenario.agents.items():
         of = f" of {name}" if several else ""
         rows |= {f"vehicle{of}": agent.vehicle.name, f"law{of}": agent.controller.name}

@@ -103,6 +103,7 @@ def _drawn(line: Line | RenderableType) -> RenderableType:
     if not isinstance(line, pages.Table):
         return line
     tables = []
+    # a wide table is turned rather than folded
     for part in _in_parts(line):
         names = [name.removeprefix(">") for name in part.head]
         tables.append(
@@ -159,8 +160,10 @@ def _in_parts(table: pages.Table) -> list[pages.Table]:
         or sum(map(max, words, cells)) + 2 * len(words) <= console.width
     ):
         return [table]
+    # names of columns become the first column
     first = max(map(len, table.head))
-    parts, used = list[list[Sequence[Any]]](), console.width
+    parts = list[list[Sequence[Any]]]()
+    used = console.width
     for row in table.rows:
         width = max(len(str(c)) for c in row) + 2
         if first + width > console.width:
@@ -248,6 +251,7 @@ def with_output_options(name: str, function: Command) -> Command:
             name, _Asked(asked.get("as_json", False), asked.get("quiet", False))
         ):
             code = function(*arguments, **options)
+            # a user's command may return anything; only whole numbers are exit codes
             fine = isinstance(code, Integral | float | None) and (code or 0) % 1 == 0
             return require_result(function, code, fine, "an exit code, or None")
 
@@ -281,6 +285,8 @@ def _output(name: str, asked: _Asked) -> Iterator[None]:
             sys.stdout.write(
                 json_text(
                     {
+                        # keys of the head come last in the table and first in the text,
+                        # so that no result hides them
                         **(asked.result or {"lines": words.getvalue().splitlines()}),
                         **head,
                     },
@@ -324,6 +330,7 @@ def plain(value: Any) -> Any:
     if hasattr(value, "tolist"):
         return plain(value.tolist())
     if isinstance(value, float):
+        # strict JSON has neither infinity nor NaN
         return value if math.isfinite(value) else None
     return str(value) if isinstance(value, PurePath) else value
 
@@ -340,9 +347,12 @@ def bar(title: str, pause: float = PAUSE) -> Iterator[Advance]:
     if _asked.get(_Asked()).quiet:
         yield lambda *_, **_more: None
         return
-    errors = Terminal(stderr=True, **PLAIN)
-    screen = console if console.is_terminal else errors if sys.stderr.isatty() else None
+    # a bar where it is seen: on the console, else on standard error
+    screen: Terminal | None = console if console.is_terminal else None
+    if screen is None and sys.stderr.isatty():
+        screen = Terminal(stderr=True, **PLAIN)
     if screen is None:
+        # a first line after a while, also where no step has ended yet
         timer = threading.Timer(pause or 1e6, say, (f"{title} ...",))
         timer.daemon = True
         timer.start()

@@ -86,6 +86,7 @@ def plan(
         except PlanError as error:
             tell(str(error))
             say_cause(str(error))
+            # given and told before the exit, because the document must name the cause
             give(solved=False, cause=str(error))
             raise typer.Exit(NOT_COMPLETED) from None
         assert file is not None
@@ -99,6 +100,7 @@ def plan(
             write_atomically(page, plan_page(found).encode())
             tell(f"page: {page}")
         if flight is not None:
+            # relative to the scenario, so that both can be moved together
             beside = Path(os.path.relpath(file, flight.parent))
             document = flight_document(
                 found, beside, vehicle_of_file(task, flight.parent)
@@ -111,6 +113,7 @@ def plan(
                     f"no scenario: skyarm check finds what cannot be flown; {flight} is"
                     " not written",
                 )
+                # a scenario that cannot be flown is not left behind
                 raise typer.Exit(DIFFERENT)
             write_atomically(flight, scenario_text(document).encode())
             tell(

@@ -114,6 +114,7 @@ def _logs_by_label(names: Sequence[str]) -> dict[str, Log]:
     given = []
     for name in names:
         label, equals, path = name.partition("=")
+        # a file that has an equals sign in its name is a file
         given.append(
             (label.strip(), path) if equals and not Path(name).exists() else ("", name)
         )

@@ -15,9 +15,9 @@ import typer
 
 from skyarm.cli.arguments import (
     Duration,
-    Flown,
     Laws,
     Out,
+    ScenarioOrLog,
     law_names,
     name_completion,
     require_left_out,
@@ -53,7 +53,7 @@ from skyarm.view.pages import Facts
 
 def run(
     context: typer.Context,
-    scenario: Flown,
+    scenario: ScenarioOrLog,
     out: Out = "out/run",
     plant: Annotated[
         str | None,
@@ -152,6 +152,7 @@ def run(
         flown.append(
             _fly_one(planned, own, None if logs else out, ros, pace, hint, force=force)
         )
+        # a flight that was interrupted ends the others; what was flown is kept
         if flown[-1][2] is not None:
             break
     documents = [each | {"picture": drawn} for _, each, _ in flown]
@@ -179,6 +180,7 @@ def _picture_of(
     would draw their logs.
     """
     if drawn is not None:
+        # one flight draws its own reference, several are compared
         from skyarm.view.figures.flight_plot import plot
 
         plot(flown if len(flown) > 1 else flown[0], drawn)
@@ -232,6 +234,7 @@ def _fly_one(
     Returns:
         the log, its facts, and what ended the flight from outside, to be raised again.
     """
+    # told afterwards, so that a mistyped folder is noticed
     new = out is not None and not Path(out).exists()
     with taken_back(out):
         if out is not None:
@@ -248,7 +251,9 @@ def _fly_one(
         from skyarm.studies.assess.pressing_flights import lost_force, missed_contact
 
         for name, own in zip(planned.agents, log.agents.values(), strict=True):
-            one, before = planned.of(name), f"{name}: " if len(log.agents) > 1 else ""
+            one = planned.of(name)
+            # words on the only vehicle need no name before them
+            before = f"{name}: " if len(log.agents) > 1 else ""
             say_unlikely(
                 planned.name,
                 [
@@ -339,6 +344,7 @@ def save_logs(
     process's number, or the next that is free. A log that cannot be written keeps no
     other from its file: all are tried before the first error is raised.
     """
+    # the log that was read keeps its name, so the new one gets the number
     beside = not replace and any(map(is_input, files))
     written, errors = [], []
     with ExitStack() as lock:
@@ -347,12 +353,17 @@ def save_logs(
             names = free_names(files) if beside else files
         except TakenError as error:
             say(f"warning: {error}; this flight's logs get names of their own")
-            names, earlier = free_names(files, os.getpid()), []
+            # the number of the process is free for sure, where the folder cannot be
+            # locked
+            names = free_names(files, os.getpid())
+            earlier = []
         for file in names:
             try:
                 written.append(save_log(log, file))
             except Exception as error:
                 errors.append(error)
         if errors:
+            # raised after all files were tried, so that one full disk loses no other
+            # log
             raise errors[0]
     return written, earlier

@@ -39,6 +39,10 @@ from skyarm.vehicle.vehicle_files import (
 from skyarm.vehicle.vehicle_tables import RIGID
 from skyarm.view.pages import Facts, table_of
 
+OPTIONS = ("--gravity", "--out", "--vehicle", "--columns", "--compare")
+"""Options of a vehicle or a flight, of which what ships, the grammar of a file and a
+suite have none."""
+
 
 def show(
     context: typer.Context,
@@ -100,14 +104,14 @@ def show(
     if shown is None:
         require_left_out(
             context,
-            ["--gravity", "--out", "--vehicle", "--columns", "--compare"],
+            OPTIONS,
             " without a vehicle or flight",
         )
         return _show_library()
     if shown == WORDS_OF_A_FILE:
         require_left_out(
             context,
-            ["--gravity", "--out", "--vehicle", "--columns", "--compare"],
+            OPTIONS,
             " beside words",
         )
         return _show_words()
@@ -124,7 +128,7 @@ def show(
     if kind_of_file(shown) == "suite":
         require_left_out(
             context,
-            ["--gravity", "--out", "--vehicle", "--columns", "--compare"],
+            OPTIONS,
             " of a suite",
         )
         return _show_suite(shown)
@@ -156,6 +160,7 @@ def show(
         numbers = vehicle_facts(loaded, gravity)
     say_unlikely(loaded.name, unlikely_in_vehicle(loaded))
     give(numbers)
+    # a document has the numbers; the tables would be drawn in vain
     for part in sheet(loaded, numbers) if not is_document_wanted() else ():
         tell(part, "")
 

@@ -136,7 +136,10 @@ def studio(
     require_left_out(context, OF_REPLAY, " without --vehicle")
     names = law_names(laws)
     made = [
-        each for each in (Path(out), *Path(out).parents) if not os.path.lexists(each)
+        # the folder is made to try it, and taken back until a flight is saved
+        each
+        for each in (Path(out), *Path(out).parents)
+        if not os.path.lexists(each)
     ]
     folder = require_writable(out)
     for each in made:  # they come with the first flight that is saved
@@ -170,9 +173,11 @@ def _serve(
             on a server.
     """
     require_viser()
+    # the port is taken before the flight is prepared, which takes seconds
     listening = listening_socket(port, host)
     try:
         page_on = prepare()
+        # a token, because any page in the browser could send requests to this port
         guard = AccessGuard(
             int(listening.getsockname()[1]), secrets.token_hex(16), host
         )
@@ -184,6 +189,7 @@ def _serve(
         page = page_on(server)
         tell(f"studio: {guard.address()}")
         if not no_browser:
+            # a browser may block until it is closed
             threading.Thread(
                 target=webbrowser.open, args=(guard.address(),), daemon=True
             ).start()

@@ -105,6 +105,7 @@ def sweep(
     'skyarm run'.
     """
     if study not in shipped_names("study") and Path(study).is_dir() and study:
+        # a shipped study goes before a folder of its name
         require_left_out(
             context,
             ["--laws", "--workers", "--on", "--part", "--save"],
@@ -152,12 +153,10 @@ def _save_episodes(
     from skyarm.studies.sweep.study import StudyError
 
     loaded = _load(study, controllers)
-    folder, named = (
-        Path("out") / loaded.name if out is None else Path(out),
-        (
-            FAILED,
-            *loaded.metrics,
-        ),
+    folder = Path("out") / loaded.name if out is None else Path(out)
+    named = (
+        FAILED,
+        *loaded.metrics,
     )
     for which in episodes:
         if not which.isdecimal() and which not in named:
@@ -176,14 +175,17 @@ def _save_episodes(
         if all(each.isdecimal() for each in episodes)
         else Rows(folder, loaded.success)
     )
+    # an episode's number means nothing in rows of another study
     if rows is not None and not rows.manifest.is_of(prepare(loaded).manifest):
         raise StudyError(
             f"{folder}: holds rows of another study than {study}; choose its --out"
         )
-    names, meant = file_names(loaded.scenarios, "", ".toml"), list[tuple[str, int]]()
+    names = file_names(loaded.scenarios, "", ".toml")
+    meant = list[tuple[str, int]]()
     with errors_as(StudyError, "--save = ", of=StudyError):
         for which in episodes:
-            absent, before = list[StudyError](), len(meant)
+            absent = list[StudyError]()
+            before = len(meant)
             for label in loaded.scenarios:
                 try:
                     episode = (
@@ -195,6 +197,7 @@ def _save_episodes(
                 except StudyError as error:
                     # of one controller, whose others may have such an episode
                     absent.append(error)
+            # none of the controllers has such an episode
             if len(meant) == before:
                 raise absent[0]
             for each in absent:
@@ -227,13 +230,15 @@ def _fly(
     folder = Path("out") / loaded.name if out is None else Path(out)
     say_unlikely(loaded.name, unlikely_numbers(largest_episode(loaded)))
     begin = time.perf_counter()
-    before, laws = list[int](), len(loaded.scenarios)
+    before = list[int]()
+    laws = len(loaded.scenarios)
     with taken_back(folder), bar(loaded.name) as advance:
         require_writable(folder if out is None else out)
 
         def progress(done: int, total: int) -> None:
             if not before:
                 before.append(done)
+            # 1e-9 s keeps the first rate finite
             rate = (done - before[0]) * laws / max(time.perf_counter() - begin, 1e-9)
             advance(done * laws, total * laws, f"flights, {rate:.0f} a second")
 
@@ -284,6 +289,7 @@ def _sum_up(
         rows = Rows(Path(folder), rows.limits | parse_limits(success))
     with bar(f"statistics of {folder}"):
         maps = robustness_maps(rows, paths)
+        # a link could lead out of the folder, so only the default place is guarded
         target = require_writable(
             require_no_link(Path(folder) / "stats") if out is None else out
         )

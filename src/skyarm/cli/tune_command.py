@@ -101,10 +101,11 @@ def tune(
     )
 
     require_size(candidates, plants, seed, "--")
+    # imported after the sizes were checked, so that a wrong number is refused at once
     from skyarm.studies.flights.executor import LOCAL, require_place
 
     place, count = require_place(LOCAL if on is None else on, "--on"), workers(flying)
-    inputs = wanted_of(target, one_law(laws))
+    inputs = tuning_inputs(target, one_law(laws))
     from skyarm.studies.flights.store import ROWS, require_parquet
     from skyarm.studies.tune.front import POINTS
     from skyarm.studies.tune.tune_page import (
@@ -137,6 +138,7 @@ def tune(
         bar(f"{inputs.label} for {scenario.name}") as advance,
     ):
         require_writable(folder)
+        # all files are checked before the search, which takes long
         files = (GAINS, PAGE, BEST, *map(front_name, range(POINTS)))
         require_replaceable(*(folder / name for name in files))
         tuning = tune_plan(
@@ -148,12 +150,13 @@ def tune(
         if not has_gains:
             return _save_scenario(file, tuning.under(scenario, point), target, law)
         write_atomically(
-            file, gains_text(tuning, point, inputs.words, inputs.kept).encode()
+            file, gains_text(tuning, point, inputs.law_table, inputs.kept).encode()
         )
         return file
 
     for i, point in enumerate(tuning.points):
         save(folder / front_name(i), point)
+    # files of an earlier, longer front would be taken for this one's
     for stale in range(len(tuning.points), POINTS):
         (folder / front_name(stale)).unlink(missing_ok=True)
     write_atomically(folder / PAGE, tune_page(tuning).encode())
@@ -218,18 +221,18 @@ def _save_scenario(
 
 
 @immutable
-class Wanted:
+class TuningInputs:
     """Inputs of a gain tuning: scenario, law options, initial gains and label."""
 
     scenario: Scenario
     has_motion: bool
-    words: Tables
+    law_table: Tables
     kept: Tables
     label: str
     name: str
 
 
-def wanted_of(target: str, controller: str | None) -> Wanted:
+def tuning_inputs(target: str, controller: str | None) -> TuningInputs:
     """Load the inputs of a gain tuning from a scenario or vehicle and an optional
     control law.
 
@@ -252,7 +255,7 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
         )
     if of_a_vehicle:
         scenario = of_vehicle(load_vehicle(target), controller)
-        words = law_entry(controller or scenario.agent.controller.name)
+        law_table = law_entry(controller or scenario.agent.controller.name)
     else:
         scenario = load_scenario(target, controller=controller)
         if not subject_of(scenario).has_gains_file:
@@ -263,10 +266,10 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
                 )
                 raise ValueError(f"scenario = {shown(target)}: {allowed}")
             label = subject_of(scenario).label(scenario)
-            return Wanted(
+            return TuningInputs(
                 scenario=scenario,
                 has_motion=True,
-                words={},
+                law_table={},
                 kept={},
                 label=label,
                 name=f"{scenario.name}_{label}",
@@ -277,26 +280,27 @@ def wanted_of(target: str, controller: str | None) -> Wanted:
             read_toml(file.read_bytes()) if file.name.endswith(".toml") else {}
         )
         table = document.get("controller", {}) if controller is None else {}
-        words = {name: value for name, value in table.items() if name not in LAYERS}
-        words = words or law_entry(scenario.agent.controller.name)  # of a log
+        law_table = {name: value for name, value in table.items() if name not in LAYERS}
+        law_table = law_table or law_entry(scenario.agent.controller.name)  # of a log
     gains: Tables = {}
-    tuned = controller if is_gains_file(controller) else words.get("tuned")
+    tuned = controller if is_gains_file(controller) else law_table.get("tuned")
     if is_gains_file(tuned):
         path = (
             Path(str(tuned))
             if controller is not None
+            # a path in a file counts from that file's folder
             else Path(target).parent / str(tuned)
         )
         stated: Tables = read_toml(path.read_bytes())
-        words, gains = dict(stated["law"]), dict(stated.get("gains", {}))
+        law_table, gains = dict(stated["law"]), dict(stated.get("gains", {}))
     elif controller is not None:
-        words = law_entry(controller)
-    label = str(words.get("preset", words.get("law")))
+        law_table = law_entry(controller)
+    label = str(law_table.get("preset", law_table.get("law")))
     name = f"{scenario.name}_{law_of_file_name(label)}"
-    return Wanted(
+    return TuningInputs(
         scenario=scenario,
         has_motion=not of_a_vehicle,
-        words=words,
+        law_table=law_table,
         kept=gains,
         label=label,
         name=name,

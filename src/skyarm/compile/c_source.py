@@ -75,10 +75,11 @@ for subnormal numbers."""
 
 KEEP_IEEE = """\
 /* NaN must stay visible and every operation keep its rounding. */
-#if defined(__FAST_MATH__) || defined(_M_FP_FAST) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) \\
+#if defined(__FAST_MATH__) || defined(_M_FP_FAST) \
+|| (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) \\
     || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__)
-#error "compile without -ffast-math, -ffinite-math-only, -funsafe-math-optimizations or /fp:fast: \
-this code must see NaN and round every operation"
+#error "compile without -ffast-math, -ffinite-math-only, -funsafe-math-optimizations \
+or /fp:fast: this code must see NaN and round every operation"
 #endif
 /* a * b + c rounds twice, as in Python. */
 #if defined(__clang__)
@@ -149,10 +150,10 @@ def helpers(program: Lowered, floats: Floats, prefix: str) -> str:
     """
     used = {node.op for node in program.nodes}
     numbers = {"zero": 0.0, "one": 1.0, "two": 2.0, "low": -1100.0, "high": 1100.0}
-    words = {name: floats.literal(value) for name, value in numbers.items()}
-    words |= {name: floats.function(name) for name in ("ldexp", "frexp")}
+    spelled = {name: floats.literal(value) for name, value in numbers.items()}
+    spelled |= {name: floats.function(name) for name in ("ldexp", "frexp")}
     texts = [
-        text.format(kind=floats.kind, name=f"{prefix}_{op}", **words)
+        text.format(kind=floats.kind, name=f"{prefix}_{op}", **spelled)
         for op, text in HELPERS.items()
         if op in used
     ]
@@ -245,7 +246,7 @@ class RecordField:
 
 
 @positional
-class Member:
+class StructMember:
     """Member of a C struct: name, array sizes, comment, initial values."""
 
     name: str
@@ -260,7 +261,7 @@ class Struct:
     dataclass (None if left out).
     """
 
-    members: tuple[Member, ...]
+    members: tuple[StructMember, ...]
     places: tuple[str | None, ...]
 
 
@@ -275,13 +276,9 @@ def fields(
     elif isinstance(record, tuple) or is_record(record):
         said = others.get(path) or (units(type(record)) if is_record(record) else {})
         for name, value in parts(record).items():
-            own = (
-                note
-                if isinstance(record, tuple)
-                else said[name].words
-                if name in said
-                else ""
-            )
+            own = note
+            if not isinstance(record, tuple):
+                own = said[name].words if name in said else ""
             yield from fields(value, others, (*path, name), own)
     elif is_leaf(record):
         yield RecordField(path, note, (), (((), record),))
@@ -334,7 +331,7 @@ def make_struct(
     Raises:
         ValueError: two fields get one name.
     """
-    members: list[Member] = []
+    members: list[StructMember] = []
     places: list[str | None] = []
     for field in fields(record, others):
         leaves = [(place, value) for place, value in field.entries if is_leaf(value)]
@@ -342,7 +339,7 @@ def make_struct(
         if len(leaves) == len(field.entries) and all(included):
             own = name(field.path)
             members.append(
-                Member(
+                StructMember(
                     own,
                     field.shape,
                     field.note,
@@ -355,7 +352,7 @@ def make_struct(
             own = name((*field.path, *place))
             places.append(own if include else None)
             if include:
-                members.append(Member(own, (), field.note, (float(value),)))
+                members.append(StructMember(own, (), field.note, (float(value),)))
     repeated = {
         member.name
         for member in members
@@ -378,7 +375,7 @@ def declaration(name: str, struct: Struct, floats: Floats) -> str:
     placeholder member.
     """
     members = struct.members or (
-        Member("reserved", (), "not used: C99 knows no empty struct", (0.0,)),
+        StructMember("reserved", (), "not used: C99 knows no empty struct", (0.0,)),
     )
     lines = [f"struct {name} {{"]
     for member in members:
@@ -491,7 +488,9 @@ class StepFile:
         return f"void {self.name}_{function}(\n    " + ",\n    ".join(arguments) + ")"
 
     def _implementation(self) -> str:
-        name, structs, floats = self.name, self.structs, self.floats
+        name = self.name
+        structs = self.structs
+        floats = self.floats
         read = ("parameters", *self.inputs, "memory")
         inputs = [_place(key, place) for key in read for place in structs[key].places]
         outputs = [
@@ -509,9 +508,12 @@ class StepFile:
             KEEP_IEEE,
         ]
         if not floats.single:
-            word = f"{name}_needs_64_bit_double_without_fsingle_precision_constant"
+            needs = f"{name}_needs_64_bit_double_without_fsingle_precision_constant"
             # a negative size is an error where 0.1 is a float
-            lines += [f"typedef char {word}[sizeof(0.1) > sizeof(float) ? 1 : -1];", ""]
+            lines += [
+                f"typedef char {needs}[sizeof(0.1) > sizeof(float) ? 1 : -1];",
+                "",
+            ]
         for constant, each in zip(self._constants(), values, strict=True):
             lines += [f"{constant} = {initialiser(each, floats)};", ""]
         lines += [

@@ -94,10 +94,8 @@ class JointMotion:
         first measurement.
         """
         fast, slow = double_pole(OBSERVING, dt)
-        error, share = (
-            where(started, rate - self.rate, 0.0),
-            low_pass_share(FOLLOWING, dt),
-        )
+        error = where(started, rate - self.rate, 0.0)
+        share = low_pass_share(FOLLOWING, dt)
         return JointMotion(
             position=where(
                 started, self.position + (position - self.position) * share, position
@@ -144,12 +142,16 @@ class ActuatorMemory:
         efforts = command.efforts
         if self.drives:
             rows = zip(believed_drives(par.model), efforts, strict=True)
+            # a setpoint is affine in the torque of a joint at rest: a difference gives
+            # its slope
             slopes = [
                 (drive.standing(1.0, 0.0) - drive.standing(0.0, 0.0), goal)
                 for drive, goal in rows
             ]
             efforts = tuple(
-                where(slope > 0.0, divide(goal, slope), 0.0) for slope, goal in slopes
+                # a setpoint that no torque moves has none to be converted to
+                where(slope > 0.0, divide(goal, slope), 0.0)
+                for slope, goal in slopes
             )
         return replace(
             command,
@@ -285,36 +287,34 @@ def with_consequences(
         changed: places of the numbers in it.
         control_period: s.
     """
-    vehicle, par, memory = (
-        ("par", "model", "vehicle"),
-        controller.par,
-        controller.memory,
-    )
+    vehicle = ("par", "model", "vehicle")
+    par = controller.par
+    memory = controller.memory
     inside = [
         place[len(vehicle) :] for place in changed if place[: len(vehicle)] == vehicle
     ]
     if any(place[0] == "rotors" for place in inside):
-        old, allocated = (
-            par.mixer,
-            (pairs_model(par.model) if turns_rotors(controller) else par.model),
-        )
+        old = par.mixer
+        allocated = pairs_model(par.model) if turns_rotors(controller) else par.model
+        # the mixer is the inverse of the rotors' allocation, which has changed
         mixer = make_mixer(
             allocated.vehicle, old.policy, bool(old.across), old.yaw_slack
         )
         par = replace(par, mixer=mixer)
         controller = replace(
             controller,
+            # a lead that is replaced itself is stated: it does not follow from the
+            # model any more
             par=par if any("lead" in place for place in changed) else with_leads(par),
         )
     controller = _with_layers_refitted(controller, changed)
     own = innermost(controller.par)
     if any(place[0] in ("base", "links") for place in inside) and hasattr(own, "refit"):
         constants, begun = own.refit(innermost(memory), par.model, control_period)
-        par, memory = (
-            with_innermost(controller.par, constants),
-            with_innermost(memory, begun),
-        )
+        par = with_innermost(controller.par, constants)
+        memory = with_innermost(memory, begun)
         controller = replace(controller, par=par, memory=memory)
+    # the memory of a late drive is sized by its latency, so it begins anew
     late = any(place[0] == "drives" and place[-1] == "latency" for place in inside)
     if late and isinstance(memory, ActuatorMemory) and memory.drives:
         drives = _first_memories(believed_drives(par.model), control_period)
@@ -330,10 +330,8 @@ def _with_layers_refitted(
 
     A layer whose constants follow from its law has a method ``refit_to(law, changed)``.
     """
-    par, places = (
-        controller.par,
-        [place[1:] for place in changed if place[:1] == ("par",)],
-    )
+    par = controller.par
+    places = [place[1:] for place in changed if place[:1] == ("par",)]
     if not is_record(getattr(par, "inner", None)) or not any(
         place[0] in ("inner", "limits") for place in places
     ):
@@ -352,7 +350,8 @@ def measured_places(controller: Controller) -> tuple[Place, ...]:
     """Places, in a controller, of the constants of its layers that are measured on the
     law inside.
     """
-    par, places = controller.par, list[Place]()
+    par = controller.par
+    places = list[Place]()
     at: Place = ("par",)
     while is_record(getattr(par, "inner", None)):
         places += [(*at, *place) for place in getattr(par, "measured_limits", ())]
@@ -388,6 +387,8 @@ def actuator_law(
     inner_measurement = replace(measurement, rotor_speeds=turning)
     following, command = inner(memory.inner, inner_measurement, reference, dt, par=own)
     speeds = tuple(
+        # to the law a thrust is k_f w^2: w^2 is the thrust at which the table is
+        # inverted
         w if rotor.table is None else speed_of_push(rotor, w * w)
         for rotor, w in zip(rotors, command.rotor_speeds, strict=True)
     )
@@ -412,7 +413,8 @@ def _setpoints(
     desired mean joint torques.
     """
     setpoints, drives, ahead = [], [], []
-    angles, started = _angles(plain.vehicle, memory, measurement), memory.started > 0.5
+    angles = _angles(plain.vehicle, memory, measurement)
+    started = memory.started > 0.5
     rows = zip(
         believed_drives(model),
         memory.drives,
@@ -426,6 +428,8 @@ def _setpoints(
     for drive, before, joint, effort, q, qd, modelled in rows:
         seen = joint.correct(q, qd, started, dt)
         qdd = add(modelled, seen.unmodelled)
+        # a flight begins with drives that have held the law's torque for long: an
+        # integral from zero would let the arm sag first
         begun = drive.steady_memory(before, q, drive.standing(effort, q))
         now = blend(started, before, begun)
         setpoint = data(
@@ -446,6 +450,7 @@ def _mean_motion(
     at constant acceleration.
     """
     ahead = add(getattr(drive, "latency", 0), 0.5 * dt)
+    # mean of t^2 over the period: the square of its middle, and the spread about it
     square = add(mul(ahead, ahead), dt * dt / 12.0)
     return add(add(q, mul(qd, ahead)), mul(qdd, mul(0.5, square))), add(
         qd, mul(qdd, ahead)

@@ -236,7 +236,11 @@ def preset(
     law, options = PRESETS[name].law, PRESETS[name].options
     try:
         return make_controller(
-            law, model, **{**suitable_options(law, known or {}), **options}
+            # a preset's own options come last, so that the loop's do not change what it
+            # stands for
+            law,
+            model,
+            **{**suitable_options(law, known or {}), **options},
         )
     except ControllerError as error:
         cure = (
@@ -340,6 +344,7 @@ def is_named(name: object) -> bool:
 
 def is_one_of(name: object, names: Container[str]) -> bool:
     """True if a value is a string and one of ``names``."""
+    # a file may give a list, which cannot be looked up: it has no hash
     return isinstance(name, str) and name in names
 
 
@@ -356,6 +361,7 @@ def require_different(names: Sequence[str], field: str) -> None:
     """
     seen: dict[str, str] = {}
     for name in names:
+        # two texts may name one law of a file, so names are compared by its key
         key = law_of_file_key(name)
         if key in seen:
             alike = f"{shown(seen[key])} and {shown(name)} are one"

@@ -104,6 +104,8 @@ def _whole(par: Any) -> Any:
     inner = getattr(par, "inner", None)
     if inner is None or getattr(inner, "model", par) is not None:
         return par
+    # inside a layer both are None, so that a changed model is one number for all
+    # layers; the check of fields would refuse None
     filled = replace(inner, model=par.model, mixer=par.mixer)
     return replace(par, inner=_whole(filled))
 
@@ -144,22 +146,23 @@ def with_applied_command(memory: Any, sent: Command) -> Any:
     :func:`all_applied`: here the actuators whose command was changed become 0, and the
     law's integrators stand still for them in the next period.
     """
-    stored = getattr(memory, "sent", None)
-    if isinstance(stored, Command):
-        desired, updated = stored, replace(memory, sent=sent)
-    elif (
-        isinstance(stored, tuple)
-        and stored
-        and all(isinstance(each, Command) for each in stored)
-    ):
-        desired, updated = stored[-1], replace(memory, sent=(*stored[:-1], sent))
-    else:
+    commands = _stored_commands(memory)
+    if not commands:
         return memory
-    return (
-        replace(updated, applied=_applied_flags(desired, sent))
-        if hasattr(memory, "applied")
-        else updated
-    )
+    # older commands are those that were applied already: only the newest was altered
+    kept = (*commands[:-1], sent) if isinstance(memory.sent, tuple) else sent
+    updated = replace(memory, sent=kept)
+    if not hasattr(memory, "applied"):
+        return updated
+    return replace(updated, applied=_applied_flags(commands[-1], sent))
+
+
+def _stored_commands(memory: Any) -> tuple[Command, ...]:
+    """Commands that a law's internal state stores, the newest last; empty if none."""
+    stored = getattr(memory, "sent", ())
+    commands = stored if isinstance(stored, tuple) else (stored,)
+    # a user's law may use the name for something else
+    return commands if all(isinstance(each, Command) for each in commands) else ()
 
 
 def with_correction(memory: Any, par: Any, own: Command, sent: Command) -> Any:
@@ -175,11 +178,10 @@ def with_correction(memory: Any, par: Any, own: Command, sent: Command) -> Any:
         inside = getattr(memory, "inside", lambda _, command: command)
         within = with_correction(inner, par.own, inside(par, own), inside(par, sent))
         memory = replace(memory, inner=within)
-    stored = getattr(memory, "sent", None)
-    newest = stored[-1] if isinstance(stored, tuple) and stored else stored
-    if not isinstance(newest, Command):
+    commands = _stored_commands(memory)
+    if not commands:
         return memory
-    following = with_applied_command(memory, _shifted(newest, own, sent))
+    following = with_applied_command(memory, _shifted(commands[-1], own, sent))
     if not hasattr(memory, "applied"):
         return following
     flags = zip(memory.applied, following.applied, strict=True)
@@ -194,7 +196,10 @@ def _shifted(stored: Command, own: Command, sent: Command) -> Command:
     def shift(before: Scalars, old: Scalars, new: Scalars) -> Scalars:
         rows = zip(before, old, new, strict=True)
         return tuple(
-            where(logical_and(a <= b, a >= b), c, a + (c - b)) for a, b, c in rows
+            # equal by two comparisons, as == of a traced number is refused; there the
+            # sum would round, so the corrected command itself is taken
+            where(logical_and(a <= b, a >= b), c, a + (c - b))
+            for a, b, c in rows
         )
 
     return replace(
@@ -262,6 +267,7 @@ def _applied_flags(desired: Command, sent: Command) -> Scalars:
     """Flags for the rotors together and each joint: 1 where the applied command equals
     the desired one, else 0.
     """
+    # all rotors together, because each one bears part of every torque and of the thrust
     rotors: Scalar = True
     for a, b in zip(desired.rotor_speeds, sent.rotor_speeds, strict=True):
         rotors = logical_and(rotors, logical_and(a <= b, a >= b))

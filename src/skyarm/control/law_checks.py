@@ -74,15 +74,12 @@ def is_own(controller: Controller) -> bool:
     return own_code(controller.law) is not None
 
 
-def wrong(controller: Controller, words: str, place: str = "") -> LawError:
-    """One-line error about a user-defined law, with its file and line.
+def wrong(controller: Controller, words: str) -> LawError:
+    """One-line error about a user-defined law, with the file and line where it begins.
 
-    Args:
-        controller: controller of the law.
-        words: the fault and the requirement.
-        place: file and line; where the law begins if left out.
+    ``words`` state the fault and the requirement.
     """
-    return _fault(controller.law, controller.name, words, place)
+    return _fault(controller.law, controller.name, words)
 
 
 def _fault(law: Law, name: str, words: str, place: str = "") -> LawError:
@@ -96,6 +93,8 @@ def check_controller(controller: Controller) -> None:
     Raises:
         LawError: one line.
     """
+    # shipped laws are flown by the library's tests, so that a check would only cost
+    # time
     if not is_own(controller) and callable(controller.law):
         return
     law = controller.law
@@ -114,7 +113,8 @@ def check_controller(controller: Controller) -> None:
     except TypeError as error:
         raise wrong(controller, f"cannot be called as {CALLED_AS}: {error}") from None
     except ValueError:
-        pass  # built in: it has no signature to look at
+        # built in: it has no signature to look at
+        pass
     par = controller.par
     if not is_record(par):
         raise wrong(
@@ -171,6 +171,7 @@ def checked_law(controller: Controller) -> Law:
     A wrong result raises LawError. An error of the law's own code passes as it is.
     """
     law = controller.law
+    # a law that a layer has wrapped is checked already: twice would find nothing more
     if not is_own(controller) or getattr(law, "func", None) is _check_step:
         return law
     counts = _counts(controller)
@@ -281,11 +282,13 @@ def mistake_in(error: Exception) -> str | None:
         return f"changes a record: {text}; must make another, by dataclasses.replace"
     if isinstance(error, RecordError):
         return f"makes a record that cannot be: {text}"
+    # NumPy and Python raise plain errors for a traced number, so only their texts tell
     if re.search("0-dimensional arrays|length-1 arrays", text):
         return f"{TRACED}: a NumPy array meets a traced number; {ALLOWED}"
     if "another trace" in text:
         return f"meets a number of an earlier call: {OUTSIDE}"
     if re.search(r"\bNode\b|ufunc", text):
+        # the class is internal: its name would tell a user nothing
         words = text.replace("'Node'", "a traced number").replace(
             "Node", "traced number"
         )
@@ -321,6 +324,7 @@ def _is_number(value: object) -> bool:
     """
     if isinstance(value, (int, str, Enum, np.ndarray)) or is_record(value):
         return False
+    # other engines call the law with scalars of their own, which are no floats
     return isinstance(value, (float, Node)) or (
         hasattr(value, "__mul__") and hasattr(value, "__float__")
     )
@@ -359,7 +363,8 @@ def call_maker(
     except TypeError as error:
         raise wrong_maker(f" cannot be called as maker(model): {error}") from None
     except ValueError:
-        pass  # built in: it has no signature to look at
+        # built in: it has no signature to look at
+        pass
     try:
         made = maker(model, **options)
     except (RecordError, ControllerError) as error:
@@ -399,7 +404,8 @@ def try_law(
     """
     if not controller.compiled or not is_own(controller):
         return
-    law, par = checked_law(controller), controller.par
+    law = checked_law(controller)
+    par = controller.par
 
     def step(
         memory: Any, measured: Measurement, reference: Reference
@@ -423,6 +429,7 @@ def try_law(
                 f" {OUTSIDE}",
             )
         now = numbers[: len(now)]
+    # a law that draws numbers or reads a clock is another program at each trace
     if fingerprint(step, start, *instants[0]) != fingerprint(step, start, *instants[0]):
         raise wrong(
             controller,
@@ -447,18 +454,21 @@ def _results_with_floats(
             "reference": reference,
             "par": controller.par,
         }
+        # frozen records may hold lists and arrays, which a law could write to unseen
         before = contents(given)
         try:
             result = step(memory, measured, reference)
         except ArithmeticError:
-            break  # floats refuse 1 / 0, a program goes on with inf
+            # floats refuse 1 / 0, a program goes on with inf
+            break
         if (name := changed_argument(given, before)) is not None:
             raise wrong(
                 controller,
                 f"writes to its argument {name!r} in period {k}: must return new"
                 " records",
             )
-        numbers, memory = leaves(result), result[0]
+        numbers = leaves(result)
+        memory = result[0]
         if any(isinstance(number, Node) for number in numbers):
             raise wrong(
                 controller,
@@ -470,12 +480,9 @@ def _results_with_floats(
 
 def _same_numbers(first: Sequence[Scalar], second: Sequence[Scalar]) -> bool:
     """True if two sequences contain the same numbers; NaN equals NaN."""
-    if len(first) != len(second):
-        return False
-    return all(
-        a is b or a == b or (a != a and b != b)
-        for a, b in zip(first, second, strict=True)
-    )  # noqa: PLR0124
+    return np.array_equal(
+        np.array(first, float), np.array(second, float), equal_nan=True
+    )
 
 
 def _require_numbers(
@@ -494,7 +501,8 @@ def _require_numbers(
         for name, count in _counts(controller).items()
         for i in range(count)
     ]
-    for field, value in zip(fields, command, strict=False):  # angles may be left out
+    # angles may be left out
+    for field, value in zip(fields, command, strict=False):
         if not math.isfinite(value):
             raise wrong(
                 controller,
@@ -532,11 +540,14 @@ def perturb(record: Measurement, k: int) -> Measurement:
     start = [float(leaf) for leaf in leaves(record)]
     if k == 0:
         return rebuild(record, iter(start))
+    # a sine and no draw, so that the verdict on a law is the same at each trial; every
+    # number moves by another amount, so that differences do not hide what is read
     moved = [
         x + 1e-3 * (1.0 + 0.01 * abs(x)) * math.sin(0.7 * i + 0.9 * k)
         for i, x in enumerate(start)
     ]
     perturbed = rebuild(record, iter(moved))
+    # four moved numbers are no attitude: laws count on unit length
     return replace(perturbed, quaternion=perturbed.quaternion.normalized())
 
 

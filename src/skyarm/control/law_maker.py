@@ -24,15 +24,15 @@ from skyarm.records.field_rules import rules
 from skyarm.records.files import errors_as, shown
 from skyarm.records.leaves import Tree
 
+# over the mass (kg) and base inertia (kg m^2) of the vehicle that flies with these
+# gains in the paper: another vehicle then gets the same accelerations per error
 RATIO_POSITION, RATIO_VELOCITY = 4.0 / 0.806, 2.2 / 0.806
 
-RATIO_ATTITUDE, RATIO_RATE = (
-    (0.7 / 0.007, 0.7 / 0.007, 0.035 / 0.012),
-    (
-        0.1 / 0.007,
-        0.1 / 0.007,
-        0.025 / 0.012,
-    ),
+RATIO_ATTITUDE = (0.7 / 0.007, 0.7 / 0.007, 0.035 / 0.012)
+RATIO_RATE = (
+    0.1 / 0.007,
+    0.1 / 0.007,
+    0.025 / 0.012,
 )
 
 ACCELERATION_GAINS = (150.0, 17.0)
@@ -66,6 +66,7 @@ def default_joint_gains(model: Model, *, torque: bool = False) -> JointGains:
     own: tuple[Any, ...] = (1.0,) * n
     if torque:
         M = mass_matrix_at_rest(model.vehicle)
+        # torque over inertia is acceleration: joints of any inertia then answer alike
         own = tuple(M[6 + i][6 + i] for i in range(n))
     stiffness, damping = (tuple(gain * j for j in own) for gain in ACCELERATION_GAINS)
     return JointGains(stiffness=stiffness, damping=damping)
@@ -147,6 +148,7 @@ def law_maker(
     )
 
     def make(model: Model, **options: Any) -> Controller:
+        # an unknown option is the TypeError that a written signature would raise
         signature.bind(model, **options)
         chosen = defaults | {
             option: value for option, value in options.items() if value is not None
@@ -166,6 +168,7 @@ def law_maker(
             name=name, law=law, par=par, memory=memory(par) if memory else (), **own
         )
 
+    # the catalogue reads options and defaults from the signature, as of a written maker
     make.__name__, make.__doc__ = f"make_{name}", f"The law {name!r} for a model."
     make.__signature__ = signature  # type: ignore[attr-defined]
     make.constants = kind  # type: ignore[attr-defined]
@@ -224,6 +227,7 @@ def _require_fitting(values: LawOptions, joints: int) -> None:
                 " (one per joint)"
             )
     for option in ("friction_compensation", "rate_weights"):
+        # an option that a law does not have counts as empty, which is left out, too
         if len(values.get(option, ())) not in (0, joints):
             said = f"controller.{option} = {shown(values[option])}"
             raise ControllerError(

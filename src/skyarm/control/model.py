@@ -250,6 +250,8 @@ class LayerParameters:
     def around(cls, par: Any, **constants: Any) -> Self:
         """Constants of a layer wrapped around the constants of a law."""
         return cls(
+            # one model and mixer at the outermost layer, so that a change reaches all
+            # of them
             **{"mixer": par.mixer, "inner": replace(par, model=None, mixer=None)}
             | constants
         )

@@ -70,6 +70,7 @@ CHOICES: Mapping[str, str] = {
 
 def _text_of(law: str, option: str) -> OptionText:
     """Description of an option of a law in words; an empty one if there is none."""
+    # a law's own text stands last, because it changes the shared one
     row = {**_TEXTS["shared"].get(option, {}), **_TEXTS.get(law, {}).get(option, {})}
     if not row:
         return OptionText()
@@ -96,11 +97,15 @@ def option_texts(law: str) -> dict[str, OptionText]:
         own = _text_of(law, option)
         _, unit = fields.get(option) or declared.get(option) or (None, NUMBER)
         value = (
+            # its gains are keywords that the signature does not name, so they have no
+            # default there
             VALUES.get(option, "")
             if law == "centroidal" and option not in usual
             else usual[option]
         )
         unit = _merge_units(unit, own.unit)
+        # its options are checked by a table of ranges and not by fields, so the bounds
+        # come from there
         if law == "centroidal" and option in RANGES:
             low, high = RANGES[option]
             unit = replace(unit, low=low, high=high)
@@ -118,12 +123,14 @@ def _entry(value: object) -> str:
     """
     if isinstance(value, tuple) and len(value) in COUNTS:
         return f"{COUNTS[len(value)]} numbers"
-    words = {bool: "true or false", int: "whole number", float: "number", str: "text"}
-    return words.get(type(value), "") if value != "" else ""
+    types = {bool: "true or false", int: "whole number", float: "number", str: "text"}
+    return types.get(type(value), "") if value != "" else ""
 
 
 def _merge_units(declared: Unit, described: Unit) -> Unit:
     """Unit of a field with the meaning that it has as an option."""
+    # a field that says neither unit nor meaning nor bound tells less than the option's
+    # text
     if declared is NUMBER or not (
         declared.unit or declared.meaning or math.isfinite(declared.low)
     ):

@@ -126,7 +126,8 @@ def law_inside(controller: Controller) -> Controller:
     """
     # without the check of its results
     layer: Any = getattr(controller.law, "keywords", {}).get("law", controller.law)
-    inner, memory = layer.keywords["inner"], controller.memory.inner
+    inner = layer.keywords["inner"]
+    memory = controller.memory.inner
     return replace(controller, law=inner, par=controller.par.own, memory=memory)
 
 
@@ -204,7 +205,9 @@ def _leads(vehicle: Vehicle) -> Scalars:
         if rotor.tilt is not None
     ]
     return tuple(
-        minimum(maximum(1.0, divide(servo, motor)), MOST_LEAD) for servo, motor in rows
+        # a servo that is quicker than its motor is not slowed: 1 sends the goal itself
+        minimum(maximum(1.0, divide(servo, motor)), MOST_LEAD)
+        for servo, motor in rows
     )
 
 
@@ -291,6 +294,7 @@ def goal_angles(
     for each in vehicle.rotors:
         total = add(total, each.thrust_coefficient)
     hover = divide(mul(vehicle.mass, model.gravity), total)
+    # without gravity nothing hovers, so only the rotor's own largest speed counts
     strongest = where(hover > 0.0, mul(STRONG, hover), math.inf)
     rows = [
         (r, f)
@@ -300,6 +304,8 @@ def goal_angles(
     angles = []
     for (rotor, force), before in zip(rows, last, strict=True):
         top = minimum(mul(rotor.max_speed, rotor.max_speed), strongest)
+        # a direction of hardly any force is that of its noise, so the angle follows
+        # slowly
         share = minimum(mul(divide(force.push, mul(STILL, top)), mul(TURNING, dt)), 1.0)
         angles.append(add(before, mul(share, sub(force.angle, before))))
     return tuple(angles)
@@ -327,6 +333,8 @@ def squares_at(
         maximum(mul(f.push, cos(sub(f.angle, now))), 0.0)
         for f, now in zip(forces, stand, strict=True)
     ]
+    # the wrench that the forces would give at their own angles, which the servos lack
+    # yet
     goal = _times(
         allocation_matrix(turn_rotors(vehicle, desired)),
         [force.push for force in forces],
@@ -339,6 +347,8 @@ def squares_at(
     weights = ldl_solve(gram, short)
     change = [inner_product([row[i] for row in A], weights) for i in range(len(along))]
     tops = [mul(rotor.max_speed, rotor.max_speed) for rotor in vehicle.rotors]
+    # one share for all rotors keeps the direction of the correction in torque and
+    # thrust
     share: Scalar = 1.0
     for value, by, top in zip(along, change, tops, strict=True):
         room = where(by > 0.0, sub(top, value), value)

@@ -57,6 +57,7 @@ def _read(
             joint_rates=v[6:],
         )
     except ValueError as error:
+        # symbols fail as numbers: only then is the other function named
         if any(map(_of_a_law, (position, quaternion_wxyz, joints, *rows.values()))):
             raise ValueError(
                 f"{error}, as an array; a law calls skyarm.dynamics.{in_law}"
@@ -79,6 +80,7 @@ def _of_a_law(value: object) -> bool:
         return True
     if isinstance(value, (list, tuple)) or is_record(value):
         return any(map(_of_a_law, value))  # type: ignore[call-overload]
+    # symbols switch NumPy's operators off by None; other types have none or a method
     return getattr(type(value), "__array_ufunc__", 0) is None
 
 
@@ -119,7 +121,8 @@ def inverse_dynamics(
         velocity=velocity,
         acceleration=acceleration,
     )
-    R, a = at.quaternion.rotation(), rows["acceleration"]
+    R = at.quaternion.rotation()
+    a = rows["acceleration"]
     base = proper_acceleration(
         R, Vec3(*a[:3]), Vec3(*a[3:6]), one_number("gravity", gravity)
     )
@@ -149,7 +152,8 @@ def forward_dynamics(
         velocity=velocity,
         force=force,
     )
-    R, f = at.quaternion.rotation(), rows["force"]
+    R = at.quaternion.rotation()
+    f = rows["force"]
     applied = Force(Vec3(*f[3:6]), R.apply_T(Vec3(*f[:3])))
     base, qdd = dynamics.forward_dynamics(
         vehicle, at.joints, at.rate, at.joint_rates, applied, f[6:]
@@ -169,6 +173,7 @@ def mass_matrix(
     """Mass matrix (..., 6+n, 6+n) of the generalised velocity; it does not depend on
     ``gravity``.
     """
+    # checked though unused, so that all functions refuse the same arguments
     one_number("gravity", gravity)
     at, _, lead = _read("mass_matrix", vehicle, position, quaternion_wxyz, joints)
     return stack_leaves(
@@ -210,7 +215,9 @@ def frame_jacobian(
     at, _, lead = _read(
         "kinematics.jacobian_columns", vehicle, position, quaternion_wxyz, joints
     )
-    R, named = at.quaternion.rotation(), vehicle.frame(frame)
+    R = at.quaternion.rotation()
+    named = vehicle.frame(frame)
+    # w x r as a matrix of w: velocity of the frame by the turning of the base
     turning = R @ Mat3.cross(-frame_pose(vehicle, named, at.joints).p)
     columns = jacobian_columns(vehicle, named, at.joints)
     linear = [tuple(R.apply(column.linear)) for column in columns]
@@ -285,6 +292,7 @@ def components(name: str, value: ArrayLike, size: int) -> Scalars:
     if array.ndim == 0 or array.shape[-1] != size:
         raise ValueError(f"{name}: shape {array.shape}, allowed (..., {size})")
     if array.ndim == 1:
+        # Python's floats, since scalars of NumPy are slower
         return tuple(array.tolist())
     return tuple(array[..., i] for i in range(size))
 
@@ -300,6 +308,7 @@ def finite_numbers(
     """
     try:
         array = np.asarray(value)
+        # fractions are real numbers, but objects to NumPy
         if array.dtype.kind == "O" and all(
             isinstance(each, numbers.Real) for each in array.flat
         ):
@@ -344,6 +353,7 @@ def unit_quaternion(quaternion_wxyz: ArrayLike) -> Quaternion:
             f"quaternion_wxyz: length {worst:.9g}, allowed 1 within"
             f" {QUATERNION_TOLERANCE:g}"
         )
+    # normalised, or the printed digits would scale the rotation matrix
     return Quaternion(*wxyz).normalized()
 
 
@@ -354,6 +364,7 @@ def stack_leaves(values: Nested, lead: tuple[int, ...]) -> Array:
     """Stack nested lists of scalars into one array with the leading axes first."""
     if isinstance(values, (list, tuple)):
         parts = [stack_leaves(value, lead) for value in values]
+        # np.stack refuses an empty list, as the joints of a bare airframe
         return np.stack(parts, axis=len(lead)) if parts else np.zeros((*lead, 0))
     return np.broadcast_to(doubles(values), lead)
 

@@ -49,13 +49,15 @@ def forward_dynamics(
     Returns:
         Proper acceleration of the base (base axes) and the joint accelerations.
     """
+    # a follower shares its leader's coordinate: the recursion takes independent joints
     if vehicle.followers:
         return _by_mass_matrix(
             vehicle, joints, rate, joint_rates, applied, joint_torques
         )
     n, links = vehicle.n, vehicle.links
     bodies = members(vehicle, joints)
-    places, rigid = [body.place for body in bodies], [body.inertia for body in bodies]
+    places = [body.place for body in bodies]
+    rigid = [body.inertia for body in bodies]
     moving = motions(vehicle, places, rate, joint_rates)
     inertias = [body.as_articulated() for body in rigid]
     biases = [
@@ -63,7 +65,8 @@ def forward_dynamics(
         for body, motion in zip(rigid, moving, strict=True)
     ]
     base = spatial_inertia(vehicle.base)
-    base_inertia, base_bias = base.as_articulated(), base.velocity_force(rate)
+    base_inertia = base.as_articulated()
+    base_bias = base.velocity_force(rate)
     U = [Force(ZERO3, ZERO3)] * n
     inverse_d: list[Scalar] = [0] * n
     u: list[Scalar] = [0] * n
@@ -71,8 +74,10 @@ def forward_dynamics(
         S = links[i].joint.motion_subspace
         U[i] = inertias[i].apply(S)
         armature = links[i].joint.armature
+        # the armature turns with the joint alone, so it adds to this diagonal only
         inverse_d[i] = divide(1.0, add(S.dot(U[i]), armature))
         u[i] = sub(joint_torques[i], S.dot(biases[i]))
+        # without armature nothing is left along the axis: exact zeros of structure
         reduced = inertias[i].without(S, U[i], inverse_d[i], free=same(armature, 0))
         bias = (
             biases[i]
@@ -111,6 +116,7 @@ def _by_mass_matrix(
     joint_torques: Sequence[Scalar],
 ) -> tuple[Motion, Scalars]:
     """Forward dynamics of a vehicle with coupled joints, by solving M a = f - bias."""
+    # at zero proper acceleration only the velocity terms are left
     still = Motion(ZERO3, ZERO3)
     bias, holding = inverse_dynamics(
         vehicle, joints, rate, joint_rates, still, (0,) * vehicle.n

@@ -20,7 +20,8 @@ def body_drag(par: BodyDrag, velocity_B: Vec3) -> Vec3:
     Source: Hoerner 1965, chapter 1 (quadratic drag), with one area per axis.
     """
     if all(same(area, 0) for area in par.area):
-        return par.area  # no drag in the description: structure
+        # no drag in the description: an int 0 is structure and folds away
+        return par.area
     speed = sqrt(velocity_B.dot(velocity_B) + _STILL)
     factor = mul(mul(-0.5, par.air_density), speed)
     return par.area.hadamard(velocity_B) * factor

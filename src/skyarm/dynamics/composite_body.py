@@ -35,30 +35,28 @@ def mass_matrix(
             ),
         )
     bodies = members(vehicle, joints)
-    places, composite = (
-        [body.place for body in bodies],
-        [body.inertia for body in bodies],
-    )
+    places = [body.place for body in bodies]
+    composite = [body.inertia for body in bodies]
     whole = spatial_inertia(vehicle.base)
+    # parents have smaller indices: a subtree is complete before it is carried inwards
+    links = vehicle.links
     for i in reversed(range(vehicle.n)):
         carried = composite[i].into_parent(places[i].R, places[i].p)
-        if vehicle.links[i].parent == BASE:
+        if links[i].parent == BASE:
             whole = whole + carried
         else:
-            composite[vehicle.links[i].parent] = (
-                composite[vehicle.links[i].parent] + carried
-            )
+            composite[links[i].parent] += carried
     M = _base_block(whole, R_WB, 6 + vehicle.n)
     for i in range(vehicle.n):
-        force = composite[i].apply(vehicle.links[i].joint.motion_subspace)
+        force = composite[i].apply(links[i].joint.motion_subspace)
         j = i
         while j != BASE:
-            M[6 + i][6 + j] = M[6 + j][6 + i] = vehicle.links[
-                j
-            ].joint.motion_subspace.dot(force)
+            coupled = links[j].joint.motion_subspace.dot(force)
+            M[6 + i][6 + j] = M[6 + j][6 + i] = coupled
             force = force.into_parent(places[j].R, places[j].p)
-            j = vehicle.links[j].parent
-        M[6 + i][6 + i] = add(M[6 + i][6 + i], vehicle.links[i].joint.armature)
+            j = links[j].parent
+        # the armature turns against the parent only: it couples to no other coordinate
+        M[6 + i][6 + i] = add(M[6 + i][6 + i], links[i].joint.armature)
         for row, value in enumerate((*R_WB.apply(force.force), *force.torque)):
             M[row][6 + i] = M[6 + i][row] = value
     return M
@@ -85,7 +83,9 @@ def _base_block(whole: SpatialInertia, R_WB: Mat3, size: int) -> list[list[Scala
     """Mass matrix with only the 6 x 6 block of the base filled in; rows and columns of
     the joints are zero.
     """
-    coupling, m, rest = R_WB @ Mat3.cross(-whole.moment), whole.mass, [0] * (size - 6)
+    coupling = R_WB @ Mat3.cross(-whole.moment)
+    m = whole.mass
+    rest = [0] * (size - 6)
     rotational = whole.inertia.full().rows
     return [
         *(

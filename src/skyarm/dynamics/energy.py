@@ -38,10 +38,13 @@ def _body_motions(vehicle: Vehicle, state: State) -> list[_BodyMotion]:
     vehicle, state = untie_followers(vehicle, state)
     base = Pose(state.rotation, state.position)
     poses = [base, *(base @ pose for pose in link_poses(vehicle, state.joints))]
-    rates, origins = [base.R.apply(state.rate)], [state.velocity]
+    rates = [base.R.apply(state.rate)]
+    origins = [state.velocity]
     for i, link in enumerate(vehicle.links):
         parent = 0 if link.parent == BASE else link.parent + 1
-        R, own, rate = poses[i + 1].R, link.joint.motion_subspace, state.joint_rates[i]
+        R = poses[i + 1].R
+        own = link.joint.motion_subspace
+        rate = state.joint_rates[i]
         carried = origins[parent] + rates[parent].cross(
             poses[i + 1].p - poses[parent].p
         )
@@ -81,7 +84,8 @@ def kinetic_energy(vehicle: Vehicle, state: State) -> Scalar:
     vehicle, state = untie_followers(vehicle, state)
     total: Scalar = 0
     for motion in _body_motions(vehicle, state):
-        w, body = motion.pose.R.apply_T(motion.w), motion.body
+        w = motion.pose.R.apply_T(motion.w)
+        body = motion.body
         total = add(
             total,
             add(

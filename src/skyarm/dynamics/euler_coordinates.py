@@ -86,13 +86,14 @@ def mass_matrix(vehicle: Vehicle, q: Sequence[Scalar]) -> Matrix:
     """Mass matrix M(q) = T^T M_tree T, (6+n) x (6+n): kinetic energy is 1/2 qd^T M
     qd.
     """
-    Q, M = rate_matrix(q[3], q[4]), tree_mass_matrix(vehicle, attitude(q), q[6:])
+    Q = rate_matrix(q[3], q[4])
+    M = tree_mass_matrix(vehicle, attitude(q), q[6:])
     # M is symmetric: its columns, mapped, are the rows of T^T M, whose columns are
     # mapped again
     for _ in range(2):
         M = [_onto_euler_rates(Q, column) for column in zip(*M, strict=True)]
     n = range(len(M))
-    # symmetric to the last bit
+    # symmetric to the last bit, though two roundings of one sum may differ in it
     return [[M[min(i, j)][max(i, j)] for j in n] for i in n]
 
 
@@ -101,8 +102,10 @@ def mass_matrix_partials(vehicle: Vehicle, q: Sequence[Scalar]) -> list[Matrix]:
     rounding; zero for position.
     """
     n = len(q)
+    # kinetic energy does not depend on where the base is
     partials: list[Matrix] = [[[0] * n for _ in range(n)] for _ in range(3)]
     for k in range(3, n):
+        # first-order Taylor arithmetic: no step size, and no error of differences
         M = mass_matrix(vehicle, (*q[:k], Taylor((q[k], 1)), *q[k + 1 :]))
         partials.append([[nth_derivative(entry, 1) for entry in row] for row in M])
     return partials
@@ -116,7 +119,8 @@ def coriolis_matrix(
 
     Source: Barakou, Tzafestas, Valavanis 2026, (67)-(68).
     """
-    partials, n = mass_matrix_partials(vehicle, q), range(len(q))
+    partials = mass_matrix_partials(vehicle, q)
+    n = range(len(q))
     rate = [
         [inner_product([partial[i][j] for partial in partials], qd) for j in n]
         for i in n
@@ -134,7 +138,8 @@ def gravity_vector(
     """Gravity vector G(q), the gradient of the potential energy: the force that holds
     the vehicle at rest.
     """
-    R, still = attitude(q), (0,) * vehicle.n
+    R = attitude(q)
+    still = (0,) * vehicle.n
     force, torques = inverse_dynamics(
         vehicle, q[6:], ZERO3, still, Motion(ZERO3, R.apply_T(E_Z * gravity)), still
     )

@@ -43,6 +43,9 @@ class Pose:
 
 IDENTITY = Pose(Mat3.identity(), ZERO3)
 
+IDENTITY_ROWS = [1, 0, 0, 0, 1, 0, 0, 0, 1]
+"""Entries of the identity matrix, row by row."""
+
 
 def joint_placement(joint: Joint, q: Scalar) -> Pose:
     """Pose of the child link in its parent at joint value ``q`` (rad or m)."""
@@ -65,22 +68,24 @@ def link_poses(
         )
     poses: list[Pose] = []
     angles: list[Scalar] = []
-    straight: list[Mat3] = []  # of each chain of parallel hinges before it turns
+    # rotation of each chain of parallel hinges before it turns
+    straight: list[Mat3] = []
     for link, q in zip(vehicle.links, joints, strict=True):
         joint, parent = link.joint, link.parent
         if summed and parent != BASE and parallel(vehicle.links[parent].joint, joint):
-            angle, before = add(angles[parent], q), straight[parent]
+            angle = add(angles[parent], q)
+            before = straight[parent]
             pose = Pose(
                 before @ axis_rotation(joint.axis, angle),
                 poses[parent].apply(joint.position),
             )
         else:
-            angle, before, pose = q, joint.rotation, joint_placement(joint, q)
+            angle = q
+            before = joint.rotation
+            pose = joint_placement(joint, q)
             if parent != BASE:
-                before, pose = (
-                    poses[parent].R @ before if summed else before,
-                    poses[parent] @ pose,
-                )
+                before = poses[parent].R @ before if summed else before
+                pose = poses[parent] @ pose
         poses.append(pose)
         angles.append(angle)
         straight.append(before)
@@ -89,18 +94,9 @@ def link_poses(
 
 def parallel(parent: Joint, child: Joint) -> bool:
     """True if two joints in succession are hinges with parallel axes."""
+    # ints only: a float identity may vary from flight to flight
     entries = [entry for row in child.rotation.rows for entry in row]
-    straight = all(type(entry) is int for entry in entries) and entries == [
-        1,
-        0,
-        0,
-        0,
-        1,
-        0,
-        0,
-        0,
-        1,
-    ]
+    straight = all(type(entry) is int for entry in entries) and entries == IDENTITY_ROWS
     hinges = parent.turns and child.turns
     return hinges and straight and all(map(same, parent.axis, child.axis))
 
@@ -129,7 +125,8 @@ def jacobian_columns(
     :func:`link_poses`.
     """
     if vehicle.followers:
-        free, all_joints = vehicle.with_free_followers, every_joint(vehicle, joints)
+        free = vehicle.with_free_followers
+        all_joints = every_joint(vehicle, joints)
         return columns_of_leaders(
             vehicle, jacobian_columns(free, frame, all_joints, summed=summed)
         )
@@ -139,6 +136,7 @@ def jacobian_columns(
         if frame.link == BASE
         else poses[frame.link].apply(frame.position)
     )
+    # joints of other branches do not move the frame: zeros of structure
     columns = [Motion(ZERO3, ZERO3) for _ in vehicle.links]
     index = frame.link
     while index != BASE:
@@ -156,6 +154,7 @@ def chain(vehicle: Vehicle, index: int) -> list[int]:
     """Indices of the joints from the base to a link."""
     indices: list[int] = []
     while index != BASE:
+        # a follower moves by its leader's coordinate
         own = index < vehicle.n
         indices.insert(0, index if own else vehicle.followers[index - vehicle.n].leader)
         index = vehicle.moving[index].parent
@@ -207,10 +206,8 @@ def untie_followers(vehicle: Vehicle, state: State) -> tuple[Vehicle, State]:
     """Vehicle and state in which every coupled joint is an independent joint."""
     if not vehicle.followers:
         return vehicle, state
-    joints, rates = (
-        every_joint(vehicle, state.joints),
-        every_rate(vehicle, state.joint_rates),
-    )
+    joints = every_joint(vehicle, state.joints)
+    rates = every_rate(vehicle, state.joint_rates)
     return vehicle.with_free_followers, dataclasses.replace(
         state, joints=joints, joint_rates=rates
     )
@@ -234,7 +231,9 @@ def out_of_axis(tip: Vec3, pivot: Vec3, axis: Vec3, grips: bool, normal: Vec3) -
     arm = tip - pivot
     out = arm - axis * axis.dot(arm)
     size = out.dot(out)
+    # on the axis the direction would be noise, so the normal stands in
     turns = logical_and(grips, size * axis.dot(axis) > NEAREST * NEAREST)
+    # 1e-6 m keeps the unused branch finite on the axis
     unit = out * divide(1.0, sqrt(size + 1e-12))
     return Vec3(
         *(where(turns, data(a), data(b)) for a, b in zip(unit, normal, strict=True))

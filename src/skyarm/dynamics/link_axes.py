@@ -59,17 +59,23 @@ def members(vehicle: Vehicle, joints: Sequence[Scalar]) -> list[LinkInAxes]:
     inner = {link.parent for link in links}
     in_axes: list[LinkInAxes] = []
     angles: list[Scalar] = []
-    turns: list[Mat3] = []  # from a link's own axes to its working axes
+    # from a link's own axes to its working axes
+    turns: list[Mat3] = []
     for i, (link, q) in enumerate(zip(links, joints, strict=True)):
         joint = link.joint
         before = _SAME if link.parent == BASE else turns[link.parent]
-        point, angle, R = joint.position, q, before @ joint.rotation
+        point = joint.position
+        angle = q
+        R = before @ joint.rotation
         if follows[i]:
-            angle, R = add(angles[link.parent], q), _SAME
+            angle = add(angles[link.parent], q)
+            R = _SAME
         turn = _SAME
         if not joint.turns:
             point = point + joint.rotation.apply(joint.axis * q)
         elif i in leads or i not in inner:
+            # turning a rigid body once is cheaper than turning what passes through the
+            # joint
             turn = axis_rotation(joint.axis, angle)
         else:
             R = R @ axis_rotation(joint.axis, angle)

@@ -89,15 +89,12 @@ def inverse_dynamics(
         joint torques or forces.
     """
     if vehicle.followers:
-        whole = (
+        force, efforts = inverse_dynamics(
+            vehicle.with_free_followers,
             every_joint(vehicle, joints),
             rate,
             every_rate(vehicle, joint_rates),
             base,
-        )
-        force, efforts = inverse_dynamics(
-            vehicle.with_free_followers,
-            *whole,
             every_rate(vehicle, joint_accelerations),
         )
         return force, onto_leaders(vehicle, efforts)
@@ -112,15 +109,17 @@ def inverse_dynamics(
         for body, motion, a in zip(bodies, moving, accelerations, strict=True)
     ]
     torques: list[Scalar] = [0] * vehicle.n
+    # children have larger indices than their parents
     for i in reversed(range(vehicle.n)):
         link = vehicle.links[i]
+        # the armature resists its joint, but moves no body of the tree
         own = mul(link.joint.armature, joint_accelerations[i])
         torques[i] = add(link.joint.motion_subspace.dot(forces[i]), own)
         carried = forces[i].into_parent(places[i].R, places[i].p)
         if link.parent == BASE:
             total = total + carried
         else:
-            forces[link.parent] = forces[link.parent] + carried
+            forces[link.parent] += carried
     return total, tuple(torques)
 
 
@@ -144,15 +143,12 @@ def load_forces(
     Returns:
         Torque about and force at the origin of each load's link, link axes.
     """
-    joints, joint_rates = (
-        every_joint(vehicle, state.joints),
-        every_rate(vehicle, state.joint_rates),
-    )
-    joint_accelerations, vehicle = (
-        every_rate(vehicle, joint_accelerations),
-        vehicle.with_free_followers,
-    )
+    joints = every_joint(vehicle, state.joints)
+    joint_rates = every_rate(vehicle, state.joint_rates)
+    joint_accelerations = every_rate(vehicle, joint_accelerations)
+    vehicle = vehicle.with_free_followers
     places = [
+        # own axes of the links, not working axes: loads are given in these
         joint_placement(joint, q)
         for joint, q in zip(vehicle.joints, joints, strict=True)
     ]

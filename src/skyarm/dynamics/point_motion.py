@@ -50,15 +50,14 @@ class PointMotion:
         step: Scalar | None = None,
         name: str = "",
     ) -> None:
-        self.vehicle, self.state, self._air, self.gravity, self.step = (
-            vehicle,
-            state,
-            air,
-            gravity,
-            step,
-        )
+        self.vehicle = vehicle
+        self.state = state
+        self._air = air
+        self.gravity = gravity
+        self.step = step
         self.name = name
         self.agents: Mapping[str, PointMotion] = {name: self}
+        # ints: without faults the factor folds away
         self.rotor_shares: Scalars = (1,) * len(vehicle.rotors)
 
     def of(self, agent: str) -> PointMotion:
@@ -137,6 +136,7 @@ class PointMotion:
         at = self._in_base(point, body)
         total = Force(at.cross(push) + twist, push)
         if body == BASE:
+            # a force on the base moves no joint: zeros of structure
             return total, (0,) * self.vehicle.n
         columns = self._columns(point, body)
         return total, tuple(

@@ -88,6 +88,7 @@ class State:
 
     def with_views(self, values: Mapping[str, Scalar]) -> State:
         """State with roll, pitch or yaw (rad) replaced, by name; other angles stay."""
+        # the other angles are read from the state, so that they stay
         usual = dict(zip(ANGLES, euler_angles(self.rotation), strict=True))
         half = [
             (cos(0.5 * angle), sin(0.5 * angle))
@@ -97,6 +98,7 @@ class State:
             Quaternion(c, *Vec3(*(s if i == axis else 0.0 for i in range(3))))
             for axis, (c, s) in enumerate(half)
         ]
+        # ZYX: yaw first, pitch and roll about the axes that it has turned
         return replace(self, quaternion=about[2] * about[1] * about[0])
 
 

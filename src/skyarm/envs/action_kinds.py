@@ -16,12 +16,11 @@ from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command, mix
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.dynamics.actuators.rotor import speed_of_push
-from skyarm.envs.observed_quantities import above_zero
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
-from skyarm.records.units import nonnegative
+from skyarm.records.units import nonnegative, positive
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle import Joint, Vehicle
@@ -41,8 +40,8 @@ class Turn(NamedTuple):
     Attributes:
         memory: law's memory, ``()`` where it is not used. measurement, reference: law's
             inputs of the period.
-        law: scenario's law. par: its constants, with the model. told: True for joints
-            commanded by setpoints.
+        law: scenario's law. par: its constants, with the model. setpoints: True for
+            joints commanded by setpoints.
     """
 
     memory: Tree
@@ -50,7 +49,7 @@ class Turn(NamedTuple):
     reference: Reference
     law: Decide
     par: Any
-    told: tuple[bool, ...]
+    setpoints: tuple[bool, ...]
 
     @property
     def model(self) -> Model:
@@ -118,20 +117,21 @@ class Actions:
         """
         links = now.model.vehicle.links
         spans = [
-            self._span(link.joint, each)
-            for link, each in zip(links, now.told, strict=True)
+            self._span(link.joint, setpoint)
+            for link, setpoint in zip(links, now.setpoints, strict=True)
         ]
         return list(zip(action[len(action) - len(links) :], spans, strict=True))
 
-    def _span(self, joint: Joint, told: bool) -> tuple[Scalar, Scalar]:
+    def _span(self, joint: Joint, setpoint: bool) -> tuple[Scalar, Scalar]:
         if self.joints is not None:
             return 0.0, self.joints
-        if told:
+        if setpoint:
             return middle_and_half(joint.lower, joint.upper)
         limit = joint.effort_limit
-        return 0.0, (
-            float(limit) if concrete(limit) and 0.0 < limit < math.inf else USUAL_EFFORT
-        )
+        # a limit of 0 is a passive joint's: its number does nothing, but has a scale
+        if concrete(limit) and 0.0 < limit < math.inf:
+            return 0.0, float(limit)
+        return 0.0, USUAL_EFFORT
 
 
 _AUTHORITY = (
@@ -140,7 +140,7 @@ _AUTHORITY = (
 
 HoverShare = Annotated[
     float,
-    above_zero(
+    positive(
         "",
         "change of rotor speed at an action of 1, as a fraction of the hover speed",
         effect=_AUTHORITY,
@@ -181,11 +181,11 @@ class RatesAndThrust(Actions):
     """
 
     rate: Annotated[
-        float, above_zero("rad/s", "body rate at an action of 1", effect=_AUTHORITY)
+        float, positive("rad/s", "body rate at an action of 1", effect=_AUTHORITY)
     ] = 4.0
     thrust: Annotated[
         float,
-        above_zero(
+        positive(
             "",
             "change of thrust at an action of 1, as a fraction of the weight",
             effect=_AUTHORITY,
@@ -193,7 +193,7 @@ class RatesAndThrust(Actions):
     ] = 0.8
     bandwidth: Annotated[
         float,
-        above_zero(
+        positive(
             "1/s",
             "bandwidth of the rate controller",
             effect="higher values follow the action faster and amplify noise",
@@ -217,6 +217,7 @@ class RatesAndThrust(Actions):
         speeds, squares = mix(
             now.par.mixer, torque, weight * (1.0 + self.thrust * action[3])
         )
+        # the mixer counts on thrust by squared speed; a table has its own speed for it
         if any(rotor.table is not None for rotor in model.vehicle.rotors):
             rows = zip(model.vehicle.rotors, squares, strict=True)
             speeds = tuple(
@@ -237,11 +238,11 @@ class References(Actions):
 
     position: Annotated[
         float,
-        above_zero("m", "displacement of the position reference at an action of 1"),
+        positive("m", "displacement of the position reference at an action of 1"),
     ] = 0.5
     angle: Annotated[
         float,
-        above_zero("rad or m", "displacement of a joint reference at an action of 1"),
+        positive("rad or m", "displacement of a joint reference at an action of 1"),
     ] = 0.5
 
     asks_law = True
@@ -267,7 +268,12 @@ class References(Actions):
             for p, a in zip(reference.tip, action[:3], strict=False)
         )
         shifted = replace(
-            reference, position=position, joints=joints, tip=tip, ahead=()
+            # a preview of the path without the offset would contradict it
+            reference,
+            position=position,
+            joints=joints,
+            tip=tip,
+            ahead=(),
         )
         return now.law(now.memory, now.measurement, shifted)
 
@@ -294,12 +300,10 @@ class Residual(Actions):
         following, own = now.law(now.memory, now.measurement, now.reference)
         pairs = zip(own.rotor_speeds, _hover(now.model), action, strict=False)
         speeds = tuple(w + self.span * hover * a for w, hover, a in pairs)
-        efforts = tuple(
-            u + a * half
-            for u, (a, (_, half)) in zip(
-                own.efforts, self.spans(action, now), strict=True
-            )
-        )
+        rows = zip(own.efforts, self.spans(action, now), strict=True)
+        # the law's command takes the place of the middle of the range
+        efforts = tuple(u + a * half for u, (a, (_, half)) in rows)
+        # rotor angles are the law's own; no action corrects them
         sent = replace(within_limits(now, speeds, efforts), tilts=own.tilts)
         return with_correction(following, now.par, own, sent), sent
 
@@ -319,6 +323,7 @@ def middle_and_half(lower: Scalar, upper: Scalar) -> tuple[Scalar, Scalar]:
     """
     if _free(-lower) and _free(upper):
         return 0.0, USUAL_EFFORT
+    # one end is enough for a range of the usual width
     low = upper - 2.0 * USUAL_EFFORT if _free(-lower) else lower
     high = lower + 2.0 * USUAL_EFFORT if _free(upper) else upper
     return (low + high) * 0.5, (high - low) * 0.5
@@ -331,7 +336,7 @@ def within_limits(now: Turn, speeds: Scalars, efforts: Scalars) -> Command:
         clip(w, rotor.min_speed, rotor.max_speed)
         for w, rotor in zip(speeds, vehicle.rotors, strict=True)
     )
-    rows = zip(efforts, vehicle.links, now.told, strict=True)
+    rows = zip(efforts, vehicle.links, now.setpoints, strict=True)
     limited = tuple(
         (
             u

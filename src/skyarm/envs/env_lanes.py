@@ -94,8 +94,8 @@ class EpisodeStarts:
         """Compute the initial data of episodes with given seeds and episode numbers, as
         array (values, episodes).
         """
-        program, keys = self._program, seeds
-        columns = program.task.randomised.draw(keys, episodes)
+        program = self._program
+        columns = program.task.randomised.draw(seeds, episodes)
         # numbers are what 32 bits hold of them, where that is what the code flies
         with np.errstate(over="ignore"):
             columns = [
@@ -103,8 +103,8 @@ class EpisodeStarts:
             ]
         inputs: list[Array] = [*columns]
         for channel, count in program.uniforms:
-            inputs += [*uniforms(keys[:, None], episodes, channel, 0, count).T]
-        several: Any = keys[:, None, None]
+            inputs += [*uniforms(seeds[:, None], episodes, channel, 0, count).T]
+        several: Any = seeds[:, None, None]
         for draws in start_draws(program.task.scenario, several, episodes):
             inputs += [*draws.T]
         starts = evaluate(self._start, inputs, len(episodes))
@@ -117,10 +117,8 @@ class EpisodeStarts:
         """Slice of an episode's initial data that holds the initial state of the closed
         loop.
         """
-        return slice(
-            len(self._program.paths),
-            len(self._program.paths) + self._program.loop.carry,
-        )
+        begin = len(self._program.paths)
+        return slice(begin, begin + self._program.loop.carry)
 
     @property
     def observation(self) -> slice:
@@ -156,32 +154,31 @@ class EnvLanes:
         shape = Lanes(
             host_width(single=single),
             single=single,
+            # fused multiply-add rounds once instead of twice, so the bits differ
             contract=task.precision != "bit_exact",
         )
         kernel = Kernel(self.program.loop, shape, logging=True)
         self._stepper = LaneStepper(kernel, lanes, threads=threads)
         self._starts = EpisodeStarts(self.program, lanes, kernel.dtype)
         self.dtype = kernel.dtype
+        # behind the observation: reward, truncated, ending
         count = self._stepper.logged.shape[0] - 3
         self.observation = self._stepper.logged[:count]
         self.reward, self._truncated, self.ending = self._stepper.logged[count:]
         varied = len(self.program.paths)
-        self._numbers, self.actions = (
-            self._stepper.parameters[:varied],
-            self._stepper.parameters[varied:],
-        )
+        self._numbers = self._stepper.parameters[:varied]
+        self.actions = self._stepper.parameters[varied:]
         self._carry = self._stepper.carry
         now: Any = rebuild(self.program.first, iter(list(self._carry)))
         self.loop = now.loop
         self.state: State = now.loop.agent.state
         self.episodes: Array = np.zeros(lanes, dtype=np.int64)
         self.seeds: Array = np.zeros(lanes, dtype=np.uint64)
-        self.ended, self.truncated = (
-            np.zeros(lanes, dtype=bool),
-            np.zeros(lanes, dtype=bool),
-        )
-        words = (ending.status for ending in endings_of(task.scenario))
-        self.statuses = np.array(["", *words, "diverged"], dtype=object)
+        self.ended = np.zeros(lanes, dtype=bool)
+        self.truncated = np.zeros(lanes, dtype=bool)
+        statuses = (ending.status for ending in endings_of(task.scenario))
+        # numbers count from 1; the last one is of a command that was not finite
+        self.statuses = np.array(["", *statuses, "diverged"], dtype=object)
         self._every = np.arange(lanes)
         self.reseed(self._every, np.zeros(lanes, dtype=np.uint64))
 

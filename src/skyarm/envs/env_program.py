@@ -93,7 +93,8 @@ class EnvProgram:
     """
 
     def __init__(self, task: LearningTask, *, loops: bool = True) -> None:
-        self.task, scenario = task, task.scenario
+        self.task = task
+        scenario = task.scenario
         self.paths = task.randomised.paths
         self.base = tuple(number_at(scenario, path) for path in self.paths)
         self.size = task.actions.size(scenario.agent.model.vehicle)
@@ -112,6 +113,7 @@ class EnvProgram:
             if isinstance(each, Divergence)
         )
         self.uniforms = self._program.draws
+        # the middle of each, of which no inverse distribution is infinite
         self.draws = (0.5,) * sum(count for _, count in self.uniforms)
         self._measurement = structure_of(self._begin(self.base, self.draws, None)[1])
         self._kept = tuple(range(len(leaves(self._measurement))))
@@ -179,6 +181,7 @@ class EnvProgram:
         stages = self._program.stages((numbers, ()))
         first = first_loop_state(stages.scenario, started)
         if not self.task.actions.asks_law:
+            # a law that is not asked needs no memory, which each lane would carry
             first = first.with_agent(replace(first.agent, memory=()))
         row = held_row(stages.scenario, first.ticks)
         return (
@@ -192,11 +195,8 @@ class EnvProgram:
         """
         stages = period.stages
         action = tuple(clip(a, -1.0, 1.0) for a in period.numbers[1])
-        loop, own, row = (
-            now.loop,
-            now.loop.agent,
-            held_row(stages.scenario, now.loop.ticks),
-        )
+        loop, own = now.loop, now.loop.agent
+        row = held_row(stages.scenario, loop.ticks)
         memory, command = self._decide(stages, now, row, action)
         around = stages.surroundings(loop, row.time)
         nothing: Any = None
@@ -239,10 +239,12 @@ class EnvProgram:
         # term by term: what one of them makes of a number that is none takes nothing
         # from the others
         reward: Scalar = 0.0
+        # numbers of endings are whole, so half tells one from the next
         sound = absolute(ending - self._diverged) > 0.5
         for term in self.task.reward:
             value = _finite(term.value(result) * term.weight)
             reward = reward + (where(sound, value, 0.0) if term.of_state else value)
+        # ticks are a number of the trace: half a step keeps rounding out
         over = flown.ticks > self.task.scenario.steps - 0.5
         outcome = StepOutcome(
             observation=self._observe(
@@ -261,6 +263,7 @@ class EnvProgram:
 
     def _goal(self, scenario: Scenario, ticks: Scalar) -> Vec3:
         """Position reference at the end of a control period."""
+        # a flight has no reference after its last period
         last = float(self.task.scenario.steps - 1)
         return held_row(scenario, where(ticks > last, last, ticks)).reference.position
 
@@ -278,12 +281,12 @@ class EnvProgram:
         par = stages.scenario.agent.controller.par
         reference = stages.agent.law_reference(row)
         turn = Turn(
-            now.loop.agent.memory,
-            measurement,
-            reference,
-            stages.agent.decide,
-            par,
-            self.task.told,
+            memory=now.loop.agent.memory,
+            measurement=measurement,
+            reference=reference,
+            law=stages.agent.decide,
+            par=par,
+            setpoints=self.task.setpoints,
         )
         memory, command = self.task.actions.command(action, turn)
         return memory, with_rest(stages.scenario.agent.vehicle, command)
@@ -336,6 +339,7 @@ class EnvProgram:
         """
         endings = endings_of(scenario)
         number = where(sent > 0.5, 0.0, float(len(endings) + 1))
+        # from the last to the first, so that the first that holds has the last word
         for index in range(len(endings), 0, -1):
             fine = endings[index - 1].fine(scenario, state, goal, 0)
             if fine is not True:

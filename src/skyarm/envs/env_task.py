@@ -54,7 +54,7 @@ class LearningTask:
     precision: str
 
     @property
-    def told(self) -> tuple[bool, ...]:
+    def setpoints(self) -> tuple[bool, ...]:
         """One flag per joint: True if a drive's setpoint commands it, False if a torque
         or force does.
         """
@@ -134,6 +134,7 @@ def _scenario(
         flown = given if duration is None else replace(given, duration=duration)
     else:
         flown = load_scenario(given, controller=controller, duration=duration)
+    # one vehicle: an environment has one action and one observation
     require_flight(flown.alone("an environment"))
     require_rigid_body(flown)
     if scheduled_changes(flown):
@@ -221,6 +222,7 @@ def seed_of(seed: object, field: str = "seed") -> int:
         raise ScenarioError(
             f"{field} = {shown(seed)}: must be a whole number, at least 0"
         )
+    # keys of the noise have 32 bits, seeds of Gymnasium any number
     return int(seed) % KEYS
 
 

@@ -38,9 +38,8 @@ try:
     from jax import Array, lax
     from jax.scipy.special import ndtri
     from jax.typing import ArrayLike
-except (
-    ImportError
-) as error:  # pragma: no cover  (the library is there when this is tested)
+except ImportError as error:  # pragma: no cover
+    # the library is there when this is tested
     raise missing_extra("jax") from error
 
 from skyarm.compile.jax.jax_operations import Float, evaluate, uniforms
@@ -105,9 +104,11 @@ class JaxEnvironment:
                 ' jax.config.update("jax_enable_x64", True)'
             )
         self.task = task
+        # fixed numbers are inputs as drawn ones are, of a distribution with one value
         whole = with_fixed(task.randomised, task.scenario, numbers)
         self._program = EnvProgram(replace(task, randomised=whole), loops=False)
-        drawn, loop = len(task.randomised.paths), self._program.loop
+        drawn = len(task.randomised.paths)
+        loop = self._program.loop
         self.paths = self._program.paths[drawn:]
         self._counts = [
             (channel, count)
@@ -126,7 +127,8 @@ class JaxEnvironment:
             "diverged",
         )
         # traced once, however often the functions are used in others
-        self._stepped, self._began = jax.jit(self._one_step), jax.jit(self._first)
+        self._stepped = jax.jit(self._one_step)
+        self._began = jax.jit(self._first)
 
     def reset(self, key: Array, params: Params) -> tuple[Array, JaxState]:
         """Start episode 0 for a random key.
@@ -158,6 +160,7 @@ class JaxEnvironment:
             :attr:`statuses`), ``final_obs`` (that of this episode).
         """
         observed, after, reward, done, info = self.step_env(key, state, action, params)
+        # made in every step, since a traced program has no branch that is left out
         fresh, begun = self._began(
             state.seed, state.episode + jnp.uint32(1), self._numbers(params)
         )
@@ -213,6 +216,7 @@ class JaxEnvironment:
                 f" {', '.join(self.paths) or 'no paths'}"
             )
         for path, value in params.items():
+            # an array of JAX may be a tracer, which has no value to convert
             kind = (
                 np.asarray(value).dtype.kind
                 if not isinstance(value, jax.Array)
@@ -246,13 +250,13 @@ class JaxEnvironment:
         )
 
     def _first(
-        self, words: Array, episode: Array, numbers: tuple[Array, ...]
+        self, key: Array, episode: Array, numbers: tuple[Array, ...]
     ) -> tuple[Array, JaxState]:
         """Observation and state at the start of an episode."""
 
         def draw(period: int, channels: Sequence[tuple[int, int]]) -> list[Array]:
             return uniforms(
-                words[::-1], episode, jnp.uint32(period), channels, self.dtype
+                key[::-1], episode, jnp.uint32(period), channels, self.dtype
             )
 
         distributions = self.task.randomised.vary.values()
@@ -267,7 +271,7 @@ class JaxEnvironment:
         outputs = evaluate(self._start.lowered, inputs, self.dtype)
         carry = tuple(outputs[: self._program.loop.carry])
         return jnp.stack(outputs[len(carry) :]), JaxState(
-            carry, drawn, words, episode, jnp.uint32(1)
+            carry, drawn, key, episode, jnp.uint32(1)
         )
 
 
@@ -279,7 +283,9 @@ def _normal(given: Normal, unit: Array) -> Array:
 
 def _value(given: Values, unit: Array) -> Array:
     index = jnp.minimum(
-        (unit * len(given.values)).astype(np.int32), len(given.values) - 1
+        # rounding to single precision may make a unit 1
+        (unit * len(given.values)).astype(np.int32),
+        len(given.values) - 1,
     )
     return jnp.asarray(given.values, unit.dtype)[index]
 
@@ -306,7 +312,8 @@ def _words(key: Array) -> Array:
     """High and low 32-bit word of a JAX random key."""
     if isinstance(key, jax.Array) and jnp.issubdtype(key.dtype, jax.dtypes.prng_key):
         key = jax.random.key_data(key)
-    words = jnp.asarray(key)
-    if words.dtype != np.uint32 or words.ndim != 1 or words.shape[0] < 2:
+    halves = jnp.asarray(key)
+    if halves.dtype != np.uint32 or halves.ndim != 1 or halves.shape[0] < 2:
         raise ScenarioError("key: must be one key of jax.random; jax.vmap takes many")
-    return words[-2:]
+    # keys of longer generators end with the seed, as PRNGKey(s) is (0, s)
+    return halves[-2:]

@@ -11,26 +11,20 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit, positive
+from skyarm.records.units import positive
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.tip_and_goal import goal_of, tip_at
 from skyarm.vehicle import Vehicle
 
-
-def above_zero(unit: str, meaning: str, effect: str = "") -> Unit:
-    """Unit declaration of a parameter that must be positive."""
-    return positive(unit, meaning, effect=effect)
-
-
 _LESS = "higher values make it count less"
 
-Metres = Annotated[float, above_zero("m", "distance that counts as 1", effect=_LESS)]
+Metres = Annotated[float, positive("m", "distance that counts as 1", effect=_LESS)]
 JointTravel = Annotated[
-    float, above_zero("rad or m", "joint displacement that counts as 1", effect=_LESS)
+    float, positive("rad or m", "joint displacement that counts as 1", effect=_LESS)
 ]
 RadPerSecond = Annotated[
-    float, above_zero("rad/s", "angular rate that counts as 1", effect=_LESS)
+    float, positive("rad/s", "angular rate that counts as 1", effect=_LESS)
 ]
 """Scale: divisor of an observed or rewarded quantity."""
 
@@ -111,7 +105,7 @@ class VelocityError(Observed):
     """
 
     scale: Annotated[
-        float, above_zero("m/s", "velocity error that counts as 1", effect=_LESS)
+        float, positive("m/s", "velocity error that counts as 1", effect=_LESS)
     ] = 1.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
@@ -155,7 +149,7 @@ class SpecificForce(Observed):
     """
 
     scale: Annotated[
-        float, above_zero("m/s^2", "specific force that counts as 1", effect=_LESS)
+        float, positive("m/s^2", "specific force that counts as 1", effect=_LESS)
     ] = 10.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
@@ -193,7 +187,7 @@ class JointRates(Observed):
     """Observed joint rates."""
 
     scale: Annotated[
-        float, above_zero("rad/s or m/s", "joint rate that counts as 1", effect=_LESS)
+        float, positive("rad/s or m/s", "joint rate that counts as 1", effect=_LESS)
     ] = 5.0
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:

@@ -82,18 +82,15 @@ def as_law(
             and scenario's law are the policy's.
         name: name of the law.
         traceable: the policy uses ``+ - * /`` and the functions of
-            :mod:`skyarm.algebra.scalars` only; False calls it
-        with
-            floats, as a law that is not compiled.
+            :mod:`skyarm.algebra.scalars` only; False calls it with floats, as a law
+            that is not compiled.
 
     Raises:
         ControllerError: no policy, or one whose numbers do not fit the environment.
     """
     task = task_of(environment)
-    planned, size = (
-        task.scenario.agent.controller,
-        task.actions.size(task.scenario.agent.model.vehicle),
-    )
+    planned = task.scenario.agent.controller
+    size = task.actions.size(task.scenario.agent.model.vehicle)
     if not callable(policy):
         policy = network(policy)
     if isinstance(policy, Network) and len(policy.limits) != size:
@@ -104,6 +101,7 @@ def as_law(
     asks, record = task.actions.asks_law, is_record(policy)
     law = partial(
         policy_law,
+        # rewards read the truth, which a law does not have
         observation=replace(task, reward=()),
         asked=planned.law if asks else _no_law,
         function=None if record else policy,
@@ -147,10 +145,8 @@ def policy_law(
         action=memory.action,
         model=par.model,
     )
-    seen, takes = (
-        observation_of(observation, sight),
-        (par.policy if function is None else function),
-    )
+    seen = observation_of(observation, sight)
+    takes = par.policy if function is None else function
     if isinstance(takes, Network) and len(takes.means) != len(seen):
         raise ControllerError(
             f"policy: takes {len(takes.means)} numbers, must be {len(seen)} for this"
@@ -163,16 +159,15 @@ def policy_law(
             " these actions"
         )
     action = tuple(clip(a, -1.0, 1.0) for a in given)
-    own = (
-        replace(par.inner, model=par.model, mixer=par.mixer)
-        if is_record(par.inner)
-        else par
-    )
+    own = par
+    # model and mixer stand once among the constants, so that a path changes both
+    if is_record(par.inner):
+        own = replace(par.inner, model=par.model, mixer=par.mixer)
 
     def law(inner: Tree, measured: Measurement, target: Reference) -> Decision:
         return asked(inner, measured, target, dt, par=own)
 
-    turn = Turn(memory.inner, measurement, reference, law, own, observation.told)
+    turn = Turn(memory.inner, measurement, reference, law, own, observation.setpoints)
     following, command = observation.actions.command(action, turn)
     return PolicyMemory(inner=following, action=action), command
 
@@ -213,14 +208,12 @@ def network(
     if not pairs:
         raise ControllerError("policy: must have at least one layer")
     for i, (weights, offsets) in enumerate(pairs):
-        before = (
-            len(pairs[i - 1][1])
-            if i
-            else weights.shape[-1]
-            if weights.ndim == 2
-            else -1
-        )
-        if weights.shape != (len(offsets) if offsets.ndim == 1 else -1, before):
+        # -1 is the size of nothing, so that it refuses arrays of other dimensions
+        size = len(offsets) if offsets.ndim == 1 else -1
+        before = weights.shape[-1] if weights.ndim == 2 else -1
+        if i:
+            before = len(pairs[i - 1][1])
+        if weights.shape != (size, before):
             words = (
                 f"weights of shape {weights.shape} and offsets of shape {offsets.shape}"
             )

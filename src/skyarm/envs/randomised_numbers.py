@@ -118,6 +118,7 @@ def _check(scenario: Scenario, vary: Mapping[str, Distribution]) -> Randomised:
         ends = {path: _ends(distribution) for path, distribution in vary.items()}
         corners = _corners(ends)
         require_within_queue(scenario, corners)
+        # rules are checked where the numbers are largest, before lanes fly with them
         LaneRules(scenario, tuple(vary)).require(corners)
         stiffest = fastest_plant(scenario, ends)
     return Randomised(vary=vary, stiffest=stiffest)
@@ -127,6 +128,7 @@ def _ends(distribution: Distribution) -> tuple[float, float]:
     """Least and greatest value of a distribution."""
     low, high = distribution.quantile(np.array([EDGE, 1.0 - EDGE])).tolist()
     values = getattr(distribution, "values", None)
+    # a list has no order, so its quantiles' ends are not its least and greatest
     return (min(values), max(values)) if values else (low, high)
 
 
@@ -139,6 +141,7 @@ def _corners(ends: Mapping[str, tuple[float, float]]) -> dict[str, Array]:
     if len(ends) <= MOST_CORNERS:
         rows = [list(row) for row in itertools.product(*ends.values())]
     else:
+        # all combinations grow as powers of two
         lows, highs = ([pair[k] for pair in ends.values()] for k in (0, 1))
         rows = [lows, highs]
         for index in range(len(lows)):

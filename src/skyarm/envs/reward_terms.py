@@ -231,4 +231,5 @@ def _mean_square(values: Sequence[Scalar]) -> Scalar:
     total: Scalar = 0.0
     for value in values:
         total = total + value * value
+    # a mean of no joints is 0
     return total / float(max(1, len(values)))

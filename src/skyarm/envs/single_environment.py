@@ -55,7 +55,8 @@ class Environment(gymnasium.Env[Array, Array]):
         lanes: the one lane that flies: state, numbers drawn.
     """
 
-    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES)}  # noqa: RUF012 - Gymnasium has it so
+    # Gymnasium has it so
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES)}  # noqa: RUF012
 
     def __init__(
         self,
@@ -65,10 +66,8 @@ class Environment(gymnasium.Env[Array, Array]):
         render_options: Mapping[str, Any] | None = None,
         **task: Any,
     ) -> None:
-        self.render_mode, self._pictures = (
-            render_mode,
-            _pictures_of(render_mode, render_options),
-        )
+        self.render_mode = render_mode
+        self._pictures = _pictures_of(render_mode, render_options)
         self._drawn = False
         self.lanes = EnvLanes(make_task(scenario, **task), 1)
         self.observation_space, self.action_space = spaces(self.lanes)
@@ -143,16 +142,15 @@ class Environment(gymnasium.Env[Array, Array]):
         lanes = self.lanes
         ending = int(lanes.ending[0])
         status = str(lanes.statuses[ending])
+        # no state tells of it: the plant stopped before the command
         if ending == len(lanes.statuses) - 1:
             return {"status": status, "cause": "the command was not finite"}
         scenario = lanes.lane_scenario(0)
-        ticks, ratio = (
-            int(lanes.loop.ticks[0]),
-            scenario.rates.control // scenario.rates.reference,
-        )
-        instant = (
-            min(ticks, scenario.steps - 1) // ratio * ratio / scenario.rates.control
-        )
+        ticks = int(lanes.loop.ticks[0])
+        ratio = scenario.rates.control // scenario.rates.reference
+        # the reference is held between its samples, and after the last period
+        held = min(ticks, scenario.steps - 1) // ratio * ratio
+        instant = held / scenario.rates.control
         goal = [float(c) for c in scenario.agent.reference.at(instant).position]
         x = [float(leaf[0]) for leaf in leaves(lanes.state)]
         ended = find_ending(scenario, ticks / scenario.rates.control, x, goal)
@@ -179,6 +177,7 @@ class Environment(gymnasium.Env[Array, Array]):
             return None
         if not self._begun:
             raise ScenarioError("render: must come after reset()")
+        # a renderer is begun at the first picture, which many episodes never ask for
         if not self._drawn:
             self._pictures.begin(self.lanes.lane_scenario(0))
             self._drawn = True
@@ -210,6 +209,7 @@ def _pictures_of(
         raise ScenarioError(
             f"render_options = {shown(options)}: must be a table, as {{'width': 320}}"
         )
+    # by name: environments import nothing that draws
     drawing = import_module(PICTURES)
     with errors_as(ScenarioError, "render_options: "):
         pictures: EpisodeRenderer = drawing.EpisodePictures(

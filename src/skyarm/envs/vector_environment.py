@@ -103,6 +103,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         if mask is not None and not chosen.any():
             raise ScenarioError("reset_mask: must be True for at least one lane")
         given = seeds_of(seed, self.num_envs)
+        # Gymnasium's own generator takes one number; a list is the lanes' alone
         if seed is None or isinstance(seed, (int, np.integer)):
             super().reset(seed=None if seed is None else int(seed))
         if not self._begun:
@@ -155,6 +156,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         if not over.size:
             ending = lanes.step()
         else:
+            # all lanes step; what those did that were over is replaced by a beginning
             lanes.step()
             lanes.begin(over)
             ending = bool(lanes.ended.any() or lanes.truncated.any())
@@ -173,6 +175,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
 
     def close_extras(self, **_: object) -> None:
         """Stop the worker threads when Gymnasium closes the environment."""
+        # one that failed while it was made is closed, too, when it is deleted
         if hasattr(self, "lanes"):
             self.lanes.close()
 
@@ -184,7 +187,8 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         which = np.flatnonzero(ended)
         if not which.size:
             return {}
-        status = np.empty(self.num_envs, dtype=object)  # of objects: filled with None
+        # of objects, so that it is filled with None
+        status = np.empty(self.num_envs, dtype=object)
         status[which] = self.lanes.statuses[self.lanes.ending[which].astype(np.intp)]
         return {"status": status, "_status": ended.copy()}
 
@@ -194,6 +198,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         mask[self._over] = True
         final = np.empty(self.num_envs, dtype=object)
         for lane in self._over.tolist():
+            # the view is written anew when the next episode begins
             final[lane] = self._view[lane].copy()
         return {
             "final_obs": final,

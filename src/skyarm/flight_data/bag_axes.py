@@ -61,7 +61,8 @@ class MessageAxes:
         """Source of a quantity in the axes of its messages; None, with a note, where
         these are not known.
         """
-        topic, table = source.topic, self.tables[source.topic]
+        topic = source.topic
+        table = self.tables[source.topic]
         parent, child = self.frames[topic]
         if self.kinds[topic].startswith(PX4):
             return self._of_px4(name, source, table)
@@ -104,6 +105,7 @@ class MessageAxes:
             for topic, each in self.tables.items()
             if topic in self.kinds
         ]
+        # these messages are in north, east, down by their definition
         others = {
             "px4_msgs/msg/VehicleLocalPosition",
             "px4_msgs/msg/VehicleAttitude",

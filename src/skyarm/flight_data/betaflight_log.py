@@ -78,6 +78,7 @@ def read_betaflight(path: Path, columns: Columns | None) -> FlightData:
             f"betaflight-chirp-core: is missing; a log of Betaflight {cure}"
         ) from None
     notes = list[str]()
+    # without a session all bytes are parsed, so that the error says what is wrong
     logs = split_sessions(data) or [(0, len(data))]
     sizes = [end - begin for begin, end in logs]
     place, listed = choose_log(
@@ -152,13 +153,16 @@ def _sources(
         else math.degrees(head["gyroScale"] * 1e6)
     )
     scale /= HIGH_RESOLUTION if head.get("blackbox_high_resolution") else 1.0
-    rates, debug = _entries(rows, "gyroUnfilt"), _entries(rows, "debug")[:3]
+    # the gyro before its filters is not late, so it goes before all others
+    rates = _entries(rows, "gyroUnfilt")
+    debug = _entries(rows, "debug")[:3]
     if (
         not rates
         and (3, 1) <= version < (5, 0)
         and head.get("debug_mode") == UNFILTERED.get(version, 6)
     ):
-        rates, scale = debug, 1.0 if debug else scale
+        rates = debug
+        scale = 1.0 if debug else scale
     filters = ", ".join(
         f"{each} = {head[each]}" for each in FILTERS if np.any(head.get(each, 0))
     )
@@ -201,10 +205,8 @@ def _sources(
         stated = head.get("motorOutput") or ANALOG
         # no pulses: of other writers, which state no protocol
         if head.get("fast_pwm_protocol") is None and stated[0] < ANALOG[0]:
-            (low, high), kind = (
-                map(float, stated),
-                "motorOutput of a log that states no protocol",
-            )
+            low, high = map(float, stated)
+            kind = "motorOutput of a log that states no protocol"
         # of DShot 0 stops a motor
         rows |= {each: np.maximum(rows[each], low) for each in outputs}
         sources["rotor_commands"] = QuantitySource(columns=outputs, low=low, high=high)
@@ -214,7 +216,11 @@ def _sources(
         )
     if speeds := _entries(rows, "eRPM"):
         sources["rotor_speeds"] = QuantitySource(
-            columns=speeds, unit="rpm", scale=200.0 / head["motor_poles"]
+            # logged are hundreds of electrical turns a minute, poles / 2 of which are
+            # one turn
+            columns=speeds,
+            unit="rpm",
+            scale=200.0 / head["motor_poles"],
         )
     if "vbatLatest" in rows:
         first = (2, 0) if head["firmwareType"] == "cleanflight" else (3, 1)
@@ -222,13 +228,11 @@ def _sources(
             head["firmwareType"]
             or re.fullmatch("[0-9a-f]*", head.get("Firmware revision", ""))
         )
-        volts = (
-            0.33 / 4095 * head["vbatscale"]
-            if old
-            else 0.01
-            if version >= (4, 0)
-            else 0.1
-        )
+        # hundredths of a volt since 4.0, tenths before, and counts of the converter
+        # before 3.1
+        volts = 0.01 if version >= (4, 0) else 0.1
+        if old:
+            volts = 0.33 / 4095 * head["vbatscale"]
         sources["voltage"] = QuantitySource(columns=("vbatLatest",), scale=volts)
     return sources
 

@@ -81,6 +81,8 @@ CLIPPED, HUBER = 4.0, 2.0
 """Robust standard deviations at which a signal is clipped in the search, and above
 which residuals weigh less in the fit."""
 
+# a landing has most of the leverage on offset and drift, which weights of residuals do
+# not take away
 SHOCK = 8.0
 """Robust standard deviations of signal or slope above which a row is left out of the
 fit."""
@@ -191,7 +193,8 @@ def clock_offset(
     for first, name in PAIRS:
         needed = {name, "quaternion"}  # positions and velocities need an attitude
         if first in flight and needed <= set(second) and name == (stream or name):
-            pair, time = _Pair(flight, first, second, name), second[name].time
+            pair = _Pair(flight, first, second, name)
+            time = second[name].time
             search = partial(
                 _offset, pair, first, name, 0.5 * float(time[0] + time[-1])
             )
@@ -201,8 +204,12 @@ def clock_offset(
                 return search(WITHIN, LEAST_CORRELATION)
             except ValueError as none:
                 try:
+                    # farther off than clocks of one file are: believed of a firm
+                    # correlation alone
                     return search(WIDEST, FIRM_CORRELATION)
                 except ValueError:
+                    # the first search is the usual one, so its reason is the one to
+                    # read
                     raise none from None
     pairs = " or ".join(
         f"{first} and {name}" for first, name in PAIRS if name == (stream or name)
@@ -225,6 +232,7 @@ def align(
         f"{', '.join(channels)}: moved to the clock of {offset.reference}:"
         f" {offset.words}."
     )
+    # resets are stamped on the pose's clock, so they move with it
     return replace(
         flight.with_channels(moved, words), jumps=_moved_jumps(flight, offset)
     )
@@ -303,10 +311,8 @@ def align_poses(flight: FlightData) -> tuple[FlightData, ClockOffset | None]:
             flight, offset = straight, other
     if offset is None:
         return flight, None
-    late, drifted = (
-        abs(offset.offset),
-        0.5 * abs(offset.drift) * flight["quaternion"].duration,
-    )
+    late = abs(offset.offset)
+    drifted = 0.5 * abs(offset.drift) * flight["quaternion"].duration
     if late <= max(offset.offset_error, NEGLIGIBLE) and (
         abs(offset.drift) <= offset.drift_error or drifted <= NEGLIGIBLE
     ):
@@ -383,6 +389,7 @@ def join_flights(
     return (
         replace(
             both,
+            # of what both files state that of the file with the reference counts
             facts={**other.facts, **flight.facts},
             jumps=_moved_jumps(other, offset),
         ),
@@ -412,25 +419,32 @@ class _Pair:
                 f"{other.name}: {name}: {other[name].time.size} rows: must be of a"
                 " longer flight"
             )
-        steps, order = np.diff(time), 2 if name == "position" else 1
+        steps = np.diff(time)
+        order = 2 if name == "position" else 1
         self.width = float(np.median(steps))
         usual = np.abs(steps - self.width) < UNEVEN * self.width
         for begin, end in other.jumps:
             usual &= (time[1:] <= begin) | (time[:-1] >= end)
+        # a second difference is of two steps, so both must be usual
         even = np.convolve(usual, np.ones(order), "valid") == order
-        self.reference, self.integrals = flight[first].time, [flight[first].values]
+        self.reference = flight[first].time
+        self.integrals = [flight[first].values]
         for _ in range(order):
             slopes = (
                 rotations_between(values[:-1], values[1:])
                 if name == "quaternion"
                 else np.diff(values, axis=0)
             )
-            values, time = slopes / np.diff(time)[:, None], middle(time)
+            values = slopes / np.diff(time)[:, None]
+            time = middle(time)
             self.integrals.append(integral_of(self.reference, self.integrals[-1]))
-        self.time, self.values, self.order = time[even], values[even], order
+        self.time = time[even]
+        self.values = values[even]
+        self.order = order
         if min(self.reference.size, self.time.size) < FEWEST:
             raise ValueError(f"clock of {name}: must be of a longer flight")
         if name != "quaternion":
+            # an accelerometer reads acceleration less gravity, which points down
             force = self.values + np.array([0.0, 0.0, GRAVITY])
             self.values = to_base(attitude_at(other["quaternion"], self.time), force)
 
@@ -446,6 +460,7 @@ class _Pair:
             np.stack([columns_at(each, self.reference, table) for each in edges])
             for table in tables
         ]
+        # the order-th difference of the order-th integral is the mean over the kernel
         mean, slope = (
             np.diff(each, self.order, axis=0)[0] / self.width**self.order
             for each in values
@@ -468,6 +483,8 @@ def _is_inside(reference: Array, when: Array, edge: float) -> Mask:
 
 def _scale(values: Array) -> Array:
     """Robust standard deviation of each column, by the median absolute deviation."""
+    # 1.4826: of normal numbers this is their standard deviation; 1e-12: of constant
+    # ones it is 0, by which nothing can be divided
     return (
         1.4826 * np.median(np.abs(values - np.median(values, axis=0)), axis=0) + 1e-12
     )
@@ -486,7 +503,8 @@ def _clip(values: Array) -> Array:
     """Clip a signal to some robust standard deviations about its median, and subtract
     its mean.
     """
-    limit, usual = CLIPPED * _scale(values), np.median(values, axis=0)
+    limit = CLIPPED * _scale(values)
+    usual = np.median(values, axis=0)
     clipped = np.clip(values, usual - limit, usual + limit)
     return np.asarray(clipped - clipped.mean(axis=0))
 
@@ -506,16 +524,19 @@ def _best_offset(pair: _Pair, widest: float) -> tuple[float, float | None]:
     step = pair.width / FINER
     grid = np.arange(pair.reference[0], pair.reference[-1], step)
     place = np.rint((pair.time - pair.time[0]) / step).astype(int)
-    a, b = len(grid), int(place[-1]) + 1
+    a = len(grid)
+    b = int(place[-1]) + 1
     given, values = _clip(pair.means(grid)[0]), _clip(pair.values)
     seen = np.zeros((b, values.shape[1]))
     np.add.at(seen, place, values)
+    # padded with zeros beyond both lengths, so that no lag wraps around
     size = 1 << (a + b).bit_length()
     spectra = np.fft.rfft(given, size, axis=0) * np.fft.rfft(seen, size, axis=0).conj()
     lags = np.arange(1 - b, a)
     sums = np.fft.irfft(spectra.sum(axis=1), size)[lags]
     offsets = grid[0] - pair.time[0] + lags * step
     overlap = np.minimum(lags + b, a) - np.maximum(lags, 0)
+    # a small overlap correlates well by chance
     near = (np.abs(offsets) <= widest) & (overlap >= 0.3 * min(a, b))
     if not near.any():
         raise ValueError("clocks: must be of streams that were taken at the same time")
@@ -524,6 +545,7 @@ def _best_offset(pair: _Pair, widest: float) -> tuple[float, float | None]:
     peaks = (
         np.flatnonzero((scores[1:-1] >= scores[:-2]) & (scores[1:-1] >= scores[2:])) + 1
     )
+    # half a step of the stream beside the best is the same hill
     peaks = peaks[np.abs(peaks - best) > FINER // 2]
     for rival in peaks[np.argsort(-scores[peaks])][:RIVALS]:
         close = scores[rival] > RIVAL * scores[best] > 0.0
@@ -569,23 +591,24 @@ def _refine(
     for _ in range(ITERATIONS):
         when = pair.time + estimate[0] + estimate[1] * (pair.time - middle)
         inside = rows & pair.is_inside(when)
-        time, given = pair.time[inside] - middle, pair.values[inside]
+        time = pair.time[inside] - middle
+        given = pair.values[inside]
         fitted, slope = pair.means(when[inside])
         usual = _is_usual(np.hstack([fitted, slope, given]))
-        time, given, fitted, slope = (
-            time[usual],
-            given[usual],
-            fitted[usual],
-            slope[usual],
-        )
+        time = time[usual]
+        given = given[usual]
+        fitted = fitted[usual]
+        slope = slope[usual]
         count, axes = fitted.shape
         moved = slope[:, :, None] * time[:, None, None] ** np.arange(free)
         biases = np.broadcast_to(np.eye(axes), (count, axes, axes))
         jacobian = np.concatenate([moved, biases, biases * fitted[:, :, None]], axis=2)
         change, residual, weights = _robust(jacobian, given - fitted)
+        # Gauss-Newton is linear in the shift, which holds within a kernel's width
         limit = pair.width / max(1.0, float(np.ptp(time))) ** np.arange(free)
         step = np.clip(change[:free], -limit, limit)
         estimate[:free] += step
+        # 0.1 us and 0.01 ppm: far below what a clock's interval can be
         if np.abs(step[0]) < 1e-7 and np.abs(step[-1]) < 1e-8:
             break
     moments = np.einsum("nap,na->np", jacobian * weights[:, :, None], residual)
@@ -633,6 +656,7 @@ def _offset(
             own, _ = _refine(pair, part, estimate, middle, 1)
             wander = max(wander, abs(float(own[0] - estimate[0])))
     (offset, drift), (offset_error, drift_error) = estimate.tolist(), errors.tolist()
+    # between the reference's samples nothing is measured, however many rows agree
     offset_error = math.hypot(
         offset_error, BETWEEN * float(np.median(np.diff(pair.reference)))
     )

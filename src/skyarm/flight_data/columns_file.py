@@ -215,6 +215,7 @@ def _signal(quantity: Quantity, fields: Fields) -> QuantitySource:
     given: dict[str, Any] = {
         "unit": fields.choice("unit", tuple(units), next(iter(units)))
     }
+    # above 0, because a minus before a column's name turns its sign
     given["scale"] = fields.number("scale", 1.0, low=0.0, strict=True)
     if quantity.axes in (BODY, ATTITUDE):
         given["frame"] = fields.choice("frame", FRAMES, FRAMES[0])

@@ -94,6 +94,7 @@ def read_crazyflie(path: Path, columns: Columns | None) -> FlightData:
             for each in filter(SPEED.fullmatch, read):
                 read[each][read[each] == NO_SPEED] = np.nan
             tables[name] = RawTable(
+                # without the number and the time of the event
                 columns=dict(list(read.items())[2:]),
                 time=(read["time"] - origin) * unit,
             )
@@ -175,6 +176,7 @@ def _rows(data: bytes, events: Events, place: int) -> tuple[dict[int, Rows], int
     while (
         size := sizes.get(int.from_bytes(data[place : place + 2], "little"), 0)
     ) and place + size <= end:
+        # joined once at the end, so that time is linear in the length of the log
         pieces.setdefault(int.from_bytes(data[place : place + 2], "little"), []).append(
             data[place : place + size]
         )

@@ -162,6 +162,7 @@ def read_dataflash(path: Path, columns: Columns | None) -> FlightData:
             " newer version; or it is cut off"
         )
     numbers = rows.get("PARM", {}).get("Value", np.zeros(0)).astype(float)
+    # of a parameter that changes in flight the last value counts
     values = dict(zip(_texts(rows, "PARM", "Name"), numbers.tolist(), strict=False))
     firmware = next(iter(_texts(rows, "MSG", "Message")), "unknown")
     facts: dict[str, str | float] = {
@@ -196,6 +197,7 @@ def read_dataflash(path: Path, columns: Columns | None) -> FlightData:
         if "accelerometer" in flight
         else ""
     )
+    # INS_POS1 is the place of unit 0
     at = to_our_axes(
         *(
             values.get(f"INS_POS{units.get(source, 0) + 1}_{axis}", 0.0)
@@ -237,7 +239,8 @@ def _with_attitude_of_unit(
         or not any(trims)
     ):
         return flight
-    channel, turn = flight["quaternion"], to_our_attitude(*of_euler_angles(*trims))
+    channel = flight["quaternion"]
+    turn = to_our_attitude(*of_euler_angles(*trims))
     values = np.stack([*(Quaternion(*channel.values.T) * turn)], axis=1)
     words = (
         "quaternion: is turned back by the trims AHRS_TRIM_X, Y, Z, to the axes of the"
@@ -257,6 +260,8 @@ def _with_filters(flight: FlightData, parameters: Mapping[str, float]) -> Flight
     }
     notes = [
         f"{name}: is filtered at {FILTERS[name]} = {cut:g} Hz,"
+        # a Butterworth filter of second order delays low frequencies by sqrt(2) / (2 pi
+        # f)
         f" {1e3 * math.sqrt(0.5) / (math.pi * cut):.2g} ms late; log raw IMU"
         " (LOG_BITMASK)."
         for name, cut in cuts.items()
@@ -320,7 +325,9 @@ def _of_primary_lane(
         ((name, each) for name, each in filters if each.size), ("XKF4", np.zeros(1))
     )
     numbers, counts = np.unique(primary, return_counts=True)
+    # a log is read of one lane: the one that flew for most of it
     lane = int(numbers[counts.argmax()])
+    # XKF is written by the filter EKF3, NKF by EKF2
     mask = int(parameters.get(f"EK{3 if name.startswith('X') else 2}_IMU_MASK", 0.0))
     unit = (
         [*(bit for bit in range(8) if mask >> bit & 1), *range(8)][lane]
@@ -339,13 +346,13 @@ def _of_primary_lane(
                     if topic.startswith(each.topic.rstrip("1")) and units[topic] == unit
                 ]
             elif re.match("[XN]K|EKF", each.topic):
-                word, digit = (
-                    each.topic.rstrip("1"),
-                    1 + (1 if "KQ" in each.topic else 5) * lane,
-                )
+                stem = each.topic.rstrip("1")
+                # before messages had instances, lane 1 wrote NKF6 to NKF10 for NKF1 to
+                # 5, and NKQ2
+                digit = 1 + (1 if "KQ" in each.topic else 5) * lane
                 topics = [
                     *(
-                        {f"{each.topic}[{lane}]", f"{word}{digit}"} & set(tables)
+                        {f"{each.topic}[{lane}]", f"{stem}{digit}"} & set(tables)
                         if lane
                         else ()
                     )
@@ -379,6 +386,7 @@ def _mask_invalid(
             re.sub(r"\d", lambda digit: f"{int(digit[0]) + 3}", topic, count=1)
         )
         if status is not None and status.has("SS") and status.time.size:
+            # each row has the last status before it
             place = np.maximum(
                 np.searchsorted(status.time, tables[topic].time, "right") - 1, 0
             )
@@ -402,12 +410,15 @@ def _rows(data: bytes, notes: list[str]) -> Messages:
     Raises:
         ValueError: one line: no type is defined.
     """
-    sizes, types = {DEFINITION: SIZE}, dict[bytes, Definition]()
+    sizes = {DEFINITION: SIZE}
+    types = dict[bytes, Definition]()
     pieces: dict[bytes, list[bytes]] = {}
     place = lost = 0
     while place < len(data):
         head = data[place : place + len(DEFINITION)]
         end = place + sizes.get(head, 0)
+        # a message counts only if another follows it, so that no shifted row is made up
+        # of lost bytes
         if end == place or (end != len(data) and not data.startswith(MAGIC, end)):
             # -1 is the end of the data
             end = data.find(MAGIC, place + 1) % (len(data) + 1)
@@ -509,6 +520,7 @@ def _shares(
     throttle = f"RC{parameters.get('RCMAP_THROTTLE', 3.0):g}"
     motors = next((each for each in LIMITS if f"{each}_MAX" in parameters), LIMITS[0])
     pairs = [(f"{each}_MIN", f"{each}_MAX") for each in (motors, throttle)]
+    # a copter whose own range is 0 takes that of the throttle's channel (AP_Motors)
     limits = [
         (parameters.get(low, 0.0), parameters.get(high, 0.0)) for low, high in pairs
     ]
@@ -551,6 +563,7 @@ def _motor_outputs(
     else by equal least outputs.
     """
     every = [name for name in outputs.columns if re.fullmatch(r"C(h)?\d+", name)]
+    # later entries win, so outputs run backwards: the first one of a function counts
     driven = {
         parameters.get(f"SERVO{k + 1}_FUNCTION", 0.0): name
         for k, name in reversed([*enumerate(every)])
@@ -574,5 +587,9 @@ def _motor_outputs(
 
 
 DATAFLASH = FlightFormat(
-    read_dataflash, suffixes=("bin", "px4log", "tlog"), begins=(MAGIC,), several=True
+    # tlog is telemetry, which is named only to be refused with its cure
+    read_dataflash,
+    suffixes=("bin", "px4log", "tlog"),
+    begins=(MAGIC,),
+    several=True,
 )

@@ -74,6 +74,7 @@ class Channel:
 
     def section(self, start: float, end: float) -> Channel:
         """Return the samples from ``start`` to ``end`` (s), both included."""
+        # searchsorted leaves the end out: the next double includes it
         chosen = slice(
             *np.searchsorted(self.time, [start, np.nextafter(end, np.inf)]).tolist()
         )
@@ -114,7 +115,8 @@ class FlightData:
                 raise ValueError(
                     f"channel = {shown(name)}: {must_be_one_of(QUANTITIES, name)}"
                 )
-            width, count = QUANTITIES[name].width, channel.values.shape[1]
+            width = QUANTITIES[name].width
+            count = channel.values.shape[1]
             if count != width if width else count == 0:
                 raise ValueError(
                     f"channel {name}: has {count} columns: must be"
@@ -250,6 +252,7 @@ def split_path(path: PathLike) -> tuple[str, int]:
     """
     text = os.fspath(path)
     match = (
+        # a file whose own name ends so is meant itself
         None if os.path.exists(text) else re.fullmatch(r"(.+)#(\d+)", text, re.DOTALL)
     )
     return (match[1], int(match[2])) if match else (text, 0)
@@ -276,6 +279,7 @@ def choose_log(
         ValueError: one line: a number that no flight has.
     """
     number = columns.log if columns else 0
+    # a file of one flight has a first one, too
     if number > max(1, len(every)):
         raise ValueError(
             f"flight #{number}: must be 1 to {max(1, len(every))}, the flights of this"
@@ -311,7 +315,8 @@ def load_flight(
         ValueError: one line: no such file or format, a damaged file, or a mapping that
             does not fit.
     """
-    (name, number), at = split_path(path), f"flight = {shown(os.fspath(path))}"
+    name, number = split_path(path)
+    at = f"flight = {shown(os.fspath(path))}"
     file = Path(name)
     if not os.path.isdir(file):
         require_file(file, at)
@@ -385,16 +390,20 @@ def format_name(path: PathLike) -> str:
     Raises:
         ValueError: one line: an empty file, or a format that is not known.
     """
-    file, at = Path(split_path(path)[0]), f"flight = {shown(os.fspath(path))}"
-    folder, head = file.is_dir(), b""
+    file = Path(split_path(path)[0])
+    at = f"flight = {shown(os.fspath(path))}"
+    folder = file.is_dir()
+    head = b""
     if not folder:
         with file.open("rb") as stream:
             head = stream.read(64)
     formats = {
         name: _checked(name, find("flight_format", name))
+        # later registrations first, so that a user's format goes before those that ship
         for name in reversed(names("flight_format"))
     }
     suffix = BAG_FOLDER if folder else file.suffix.removeprefix(".").lower()
+    # first bytes decide before a suffix, which says less of what a file holds
     begun = [
         name
         for name, each in formats.items()

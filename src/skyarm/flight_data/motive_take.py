@@ -59,6 +59,7 @@ def read_motive(path: Path, columns: Columns | None) -> FlightData:
         zip(kinds, names, groups, axes, strict=False)
     ):
         if kind == BODY and axis:
+            # of bodies of one name the first counts, as names alone tell them apart
             places.setdefault(f"{name}: {group} {axis}", k)
             bodies += [name] if name not in bodies else []
     if not bodies:

@@ -97,6 +97,7 @@ def measured_flight(log: Log, path: Path) -> FlightData:
     measured: dict[str, Channel] = {}
     place: dict[str, float] = {}
     for name, source in sources_of(log.info).items():
+        # an estimate is no measurement, and knows the model that is to be found
         if name == ESTIMATE or name.startswith(COMPONENTS):
             continue
         for field, quantity in FIELDS.items():
@@ -151,10 +152,8 @@ def measured_flight(log: Log, path: Path) -> FlightData:
         for key in ("scenario", "status", "digest")
         if key in log.info
     }
-    gravity, delay = (
-        log.info.get("plant_gravity"),
-        written_at(log.info, "delays.command"),
-    )
+    gravity = log.info.get("plant_gravity")
+    delay = written_at(log.info, "delays.command")
     given = {
         "gravity": gravity,
         "command_delay": delay,
@@ -182,6 +181,7 @@ def require_one_vehicle(log: Log) -> None:
     Raises:
         ValueError: one line with their names and how the log of one is written.
     """
+    # arrays of one vehicle have no names of vehicles, and one vehicle is identified
     if len(log.agents) > 1:
         cure = f"skyarm export LOG --vehicle {next(iter(log.agents))} -o NEW.npz"
         raise ValueError(
@@ -205,6 +205,7 @@ def _reading(log: Log, name: str, field: str, source: Source, array: Array) -> C
     measurement.
     """
     stamps = log.received.get(f"{name}.time")
+    # rows before the delay has passed repeat the first reading
     rows = np.arange(
         source.late if stamps is None else 0,
         log.time.size,

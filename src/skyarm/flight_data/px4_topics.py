@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from skyarm.flight_data.raw_tables import RawTable
+from skyarm.flight_data.series import rotations_between
 from skyarm.records.arrays import Array
 
 LATEST = 0.1
@@ -84,25 +85,12 @@ def by_attitude(motion: RawTable, attitude: RawTable) -> RawTable:
     )
     begin, end = turned[:-step], turned[step:]
     inside = (
+        # pairs with a gap of attitudes between them say nothing of a span of 2 ms
         (begin > time[0]) & (end < time[-1] - late.max()) & (end - begin < 5.0 * APART)
     )
     if inside.sum() < 10:
         return motion
-    (w1, x1, y1, z1), (w2, x2, y2, z2) = (
-        q[there][:-step][inside].T,
-        q[there][step:][inside].T,
-    )
-    parts = np.stack(
-        [
-            w1 * x2 - x1 * w2 - y1 * z2 + z1 * y2,
-            w1 * y2 + x1 * z2 - y1 * w2 - z1 * x2,
-            w1 * z2 - x1 * y2 + y1 * x2 - z1 * w2,
-        ]
-    )
-    turn = (
-        2.0
-        * (parts * np.where(w1 * w2 + x1 * x2 + y1 * y2 + z1 * z2 < 0.0, -1.0, 1.0)).T
-    )
+    turn = rotations_between(q[there][:-step][inside], q[there][step:][inside])
 
     def error(moved: Array) -> float:
         """Standard deviation (rad) of the turns between attitudes that the rates do not
@@ -116,6 +104,7 @@ def by_attitude(motion: RawTable, attitude: RawTable) -> RawTable:
         ]
         return float((turn - np.stack(sums, axis=1)).std())
 
+    # the middles are PX4's own rule, so the stamps must be clearly better
     if error(late) > CLEARLY * error(np.zeros(len(time))):
         return motion
     columns = dict(motion.columns)

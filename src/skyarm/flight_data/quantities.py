@@ -11,6 +11,7 @@ from skyarm.records.immutable import positional
 GRAVITY = 9.81
 """Gravity (m/s^2) of a flight that states none."""
 
+# the unit by its definition, whatever the gravity at the place of the flight
 ONE_G = 9.80665
 """Unit g of accelerometers (m/s^2)."""
 

@@ -8,7 +8,7 @@ import re
 from bisect import bisect_left
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import takewhile
+from itertools import chain, takewhile
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +41,7 @@ length."""
 UNUSED = 200
 """Largest number of unused columns that a flight lists."""
 
+# sources are listed by quality, so a little jitter of rates is no reason to change
 FASTER = 1.2
 """Ratio of rates above which a source replaces one of higher priority."""
 
@@ -170,6 +171,7 @@ def flight_of(
         raise ValueError(
             f"channels = none: must hold a quantity or more; there is {listed}"
         )
+    # time 0 is the first sample that is read, of whichever channel
     begin = min(float(each.time[0]) for each in channels.values())
     return FlightData(
         name=path.stem,
@@ -203,6 +205,7 @@ def _fastest(
         ):
             continue
         span = float(np.nanmax(table.time) - np.nanmin(table.time))
+        # over the whole span, so that gaps count against a source
         own = table.time.size / span if span > 0.0 else 0.0
         own = min(own, ENOUGH) if FILTERED.fullmatch(signal.topic) else own
         if best is None or own > FASTER * rate:
@@ -269,6 +272,7 @@ def _channel(
     """
     table = _table(f"{columns.file}: {name}", signal, tables)
     time = _time(name, signal, table, columns if name in columns.signals else Columns())
+    # cells without numbers are NaN, and are counted below
     with np.errstate(all="ignore"):
         given = np.stack([table.numbers(each) for each in signal.columns], axis=1)
         values = _in_si(name, signal, given * signal.scale)
@@ -286,6 +290,7 @@ def _channel(
         )
     time, values = time[rising], values[rising]
     if name == "quaternion" and time.size:
+        # q and -q are one attitude: one sign throughout, with w at the start above 0
         values = continuous(unit_rows(values)) * (-1.0 if values[0, 0] < 0.0 else 1.0)
     channel = Channel(
         time=time, values=values, source=signal.source, names=signal.names
@@ -327,6 +332,7 @@ def _rows_due(rows: npt.NDArray[np.intp], time: Array, count: int) -> int:
     if step := _usual_step(np.diff(time)):
         lost = np.clip(np.round(np.diff(time) / step) - 1.0, 0.0, between)
         return rows.size + int(lost.sum())
+    # the ceiling of the quotient
     return -(-count // (round(_usual_step(between + 1)) or 1))
 
 
@@ -360,7 +366,8 @@ def _time_unit(
     """
     steps, dates = list[float](), list[float]()
     for signal in columns.signals.values():
-        table, column = _holding(tables, signal), signal.time or columns.time
+        table = _holding(tables, signal)
+        column = signal.time or columns.time
         if table is not None and column and table.has(column, *signal.columns):
             rows = np.stack([table.numbers(each) for each in (column, *signal.columns)])
             time = rows[0, np.isfinite(rows).all(axis=0)]
@@ -370,7 +377,9 @@ def _time_unit(
                 dates.append(float(np.median(time)))
     if not steps:
         return columns.time_unit or "s"
-    step, date, unit = min(steps), dates[0], columns.time_unit
+    step = min(steps)
+    date = dates[0]
+    unit = columns.time_unit
     # seconds are what is meant if nothing is said: slow ones are doubted, too, and not
     # taken for milliseconds
     least = dict.fromkeys(TIMES, SLOWEST) | ({} if unit else {"s": SLOWER})
@@ -459,6 +468,7 @@ def _in_si(name: str, signal: QuantitySource, given: Array) -> Array:
     values = given * quantity.units[signal.unit or quantity.unit]
     if name == "rotor_commands":
         values = (values - signal.low) / (signal.high - signal.low)
+    # FRD and NED become our axes by the same change of signs, of y and z
     turned = signal.frame == "FRD" if signal.frame else signal.world == "NED"
     return np.stack([*to_our_axes(*values.T)], axis=1) if turned else values
 
@@ -493,6 +503,7 @@ def shares_of(
 ) -> RawTable:
     """Outputs to rotors as shares of their range, at least 0."""
     columns = {
+        # an output below its range stops the motor and does not push backwards
         f"output {name}": np.maximum(0.0, (outputs.numbers(name) - low) / (high - low))
         for name in names
     }
@@ -550,6 +561,7 @@ def alike_outputs(
     ]
     alike = [
         *takewhile(
+            # an output that never moves drives no rotor, so the least is below the most
             lambda name: (
                 ends[names.index(name)][0] == ends[0][0] < ends[names.index(name)][1]
             ),
@@ -573,6 +585,7 @@ def rising_rows(time: Array) -> npt.NDArray[np.intp]:
     """Indices of the longest subsequence of strictly increasing times."""
     if (np.diff(time) > 0.0).all():
         return np.arange(time.size)
+    # patience sorting: tails[k] is the least end of a rising run of k + 1 rows
     tails, last = list[float](), list[int]()
     before = np.full(time.size, -1, dtype=np.intp)
     for row, stamp in enumerate(time.tolist()):
@@ -580,7 +593,8 @@ def rising_rows(time: Array) -> npt.NDArray[np.intp]:
         if place:
             before[row] = last[place - 1]
         tails[place : place + 1], last[place : place + 1] = [stamp], [row]
-    rows, row = list[int](), last[-1]
+    rows = list[int]()
+    row = last[-1]
     while row >= 0:
         rows.append(row)
         row = int(before[row])
@@ -592,18 +606,13 @@ def _unused_names(
 ) -> tuple[str, ...]:
     """Unused topics of a file; for tables without topic names, its unused columns."""
     if any(signal.topic for signal in signals.values()):
+        # by identity: tables are records of arrays, which have no truth of equality
         read = {id(_holding(tables, signal)) for signal in signals.values()}
         names = [name for name, each in tables.items() if id(each) not in read]
     else:
-        columns = {
-            each.removeprefix("-")
-            for one in signals.values()
-            for each in (time, one.time, *one.columns)
-        }
-        names = [
-            name
-            for each in tables.values()
-            for name in each.columns
-            if name not in columns
-        ]
+        columns = {time}
+        for each in signals.values():
+            columns |= {each.time, *(name.removeprefix("-") for name in each.columns)}
+        there = chain.from_iterable(each.columns for each in tables.values())
+        names = [name for name in there if name not in columns]
     return tuple(names[:UNUSED])

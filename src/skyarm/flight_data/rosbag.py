@@ -196,6 +196,8 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
         for topic, each in tables.items()
         if read.get(topic, "").startswith(PX4)
     }:
+        # PX4's clock counts from its start: the message that waited least links it to
+        # the bag's
         delays = [
             np.min(each.received - each.time)
             for each in of_px4.values()
@@ -243,6 +245,7 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
     flight = flight_of(
         path, tables, usual, columns, origin=origin * NANO, facts=facts, notes=notes
     )
+    # rate and force are of one unit: both are turned to base axes, or none
     turned = {"gyro", "accelerometer", "quaternion"} - {*own}
     return _in_base_axes(
         flight, {} if len(turned & {"gyro", "accelerometer"}) < 2 else mounts, turned
@@ -284,6 +287,7 @@ def _decode(
             if known := [each for each in chosen if each.topic not in unknown]:
                 _read(reader, known, rows, notes)
                 mounts = _mounts(reader)
+    # the caller says of a file that it cannot be read
     except OSError:
         raise
     except Exception as error:
@@ -359,7 +363,8 @@ def _mounts(reader: AnyReader) -> dict[str, tuple[Vec3, Quaternion]]:
             (data for _, _, data in reader.messages(connections=[connection])), b""
         )
         name = reader.deserialize(data, IMU).header.frame_id if data else ""  # type: ignore[attr-defined]
-        mount, left = (ZERO3, Quaternion(1.0, 0.0, 0.0, 0.0)), dict(links)
+        mount = (ZERO3, Quaternion(1.0, 0.0, 0.0, 0.0))
+        left = dict(links)
         while name in left:  # each once, that no circle is followed
             name, place, turn = left.pop(name)
             mount = place + turn.rotation().apply(mount[0]), turn * mount[1]
@@ -428,7 +433,8 @@ def _numbers_of(message: Any, place: str) -> Iterator[tuple[str, SupportsFloat]]
         for each in getattr(message, "__dataclass_fields__", ())
         if not each.startswith("__")
     ):
-        value, at = getattr(message, name), f"{place}{name}"
+        value = getattr(message, name)
+        at = f"{place}{name}"
         if isinstance(value, (bool, int, float, np.number)):
             yield at, value
         elif isinstance(value, np.ndarray):
@@ -553,11 +559,11 @@ def _of_vehicle(
     """
     own = vehicles[place] if vehicles else frozenset[str]()
     others = frozenset[str]().union(*vehicles) - own
-    words = {topic: frozenset(topic.split("/")) for topic in kinds}
-    of_this = {each - own for each in words.values() if own & each}
+    parts = {topic: frozenset(topic.split("/")) for topic in kinds}
+    of_this = {each - own for each in parts.values() if own & each}
     return {
         topic: kinds[topic]
-        for topic, each in words.items()
+        for topic, each in parts.items()
         if not others & each and each not in of_this
     }
 
@@ -574,11 +580,9 @@ def _usual(
         (each for each in tables if kinds.get(each) in ranks),
         key=lambda each: ranks.index(kinds[each]),
     ):
-        table, kind, measured = (
-            tables[topic],
-            kinds[topic],
-            NOT_MEASURED.search(topic) is None,
-        )
+        table = tables[topic]
+        kind = kinds[topic]
+        measured = NOT_MEASURED.search(topic) is None
         for name, signals in TYPES.get(kind, {}).items() if measured else ():
             # of PX4 a source without any number is noted, as that of an estimate that
             # failed
@@ -594,6 +598,7 @@ def _usual(
             axes.notes.append(
                 BOTH_WAYS if is_reversible(table) else OF_THRUST.format(topic)
             )
+            # signals with a sign are no shares of a range from 0 to 1
             if is_reversible(table):
                 continue
             tables[topic] = table = _motor_shares(table)

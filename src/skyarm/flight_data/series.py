@@ -65,6 +65,7 @@ def rotations_between(first: Array, second: Array) -> Array:
     rows = np.stack(axis, axis=1) * np.where(w < 0.0, -1.0, 1.0)[:, None]
     size = lengths(rows)
     angle = 2.0 * np.arctan2(size, np.abs(w))
+    # of a tiny turn the angle is twice the sine, which spares 0 / 0
     return np.asarray(
         rows * np.where(size > 1e-9, angle / np.maximum(size, 1e-300), 2.0)[:, None]
     )
@@ -87,6 +88,7 @@ def means_of(time: Array, values: Array) -> Callable[[Array, Array], Array]:
     table = integral_of(time, values)
 
     def integral(when: Array) -> Array:
+        # the last sample belongs to the interval before it, as none begins there
         rows = np.clip(np.searchsorted(time, when, "right") - 1, 0, time.size - 2)
         past, step = when - time[rows], time[rows + 1] - time[rows]
         slope = (values[rows + 1] - values[rows]) / step[:, None]

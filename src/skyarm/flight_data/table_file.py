@@ -55,8 +55,8 @@ def read_table(path: Path, columns: Columns | None) -> FlightData:
     ):
         require_file(path.parent / name, f"file = {shown(name)}")
         here = {
-            word: each
-            for word, each in columns.signals.items()
+            quantity: each
+            for quantity, each in columns.signals.items()
             if (each.file or path.name) == name
         }
         of_file: list[str] = []
@@ -165,6 +165,7 @@ def numbers_of_rows(
     Raises:
         ValueError: one line: a column without any number.
     """
+    # eight bytes a number: lists of floats take four times as much, and logs are long
     numbers, first_wrong = array("d"), dict[str, str]()
     count = short = wrong = decimal = 0
     point = "." if separator == "," else ","
@@ -173,6 +174,7 @@ def numbers_of_rows(
         if not any(filled):
             continue
         row = [math.nan] * len(places)
+        # a cell too few or too many shifts those behind it, so none of the row counts
         if len(filled) < width or any(filled[width:]):
             short += 1
             filled = []
@@ -217,6 +219,7 @@ def _unix_time(cell: str) -> float:
     if it is none.
     """
     try:
+        # a minus in front is a sign; behind the first letter it is one of a date
         date = datetime.fromisoformat(cell if "-" in cell[1:] else f"1970-01-01T{cell}")
     except ValueError:
         return math.nan

@@ -104,6 +104,7 @@ def read_ulog(path: Path, columns: Columns | None) -> FlightData:
         raise ValueError(
             f"pyulog: is missing; a log of PX4 {needs_extra('flights')}"
         ) from None
+    # pyulog does not return from some damaged files, so it gets the intact messages
     log = ULog(io.BytesIO(whole.found))
     start = int(log.start_timestamp)
     tables = {
@@ -139,8 +140,8 @@ def read_ulog(path: Path, columns: Columns | None) -> FlightData:
         "ver_sw_branch": "branch",
     }
     facts |= {
-        word: log.msg_info_dict[key]
-        for key, word in names.items()
+        fact: log.msg_info_dict[key]
+        for key, fact in names.items()
         if key in log.msg_info_dict
     }
     facts |= _place(parameters)
@@ -216,6 +217,7 @@ def _motor_channels(parameters: Parameters) -> dict[int, tuple[str, int]]:
     """Output bank and channel of each motor, from PX4's output-function parameters; the
     first if there are several.
     """
+    # later entries of the dict below win, so channels run backwards
     places = [(bank, channel) for bank in LIMITS for channel in reversed(range(16))]
     motors = [
         int(parameters.get(f"{bank}_FUNC{channel + 1}", 0.0)) - FIRST_MOTOR
@@ -243,13 +245,16 @@ def _limits(
             float(DSHOT),
             True,
         )
-    found, stated = list[float](), True
+    found = list[float]()
+    stated = True
     for which, usual in zip(("MIN", "MAX"), LIMITS[bank], strict=True):
+        # older versions of PX4 state one range for all main outputs
         every = [
             f"{bank}_{which}{channel + 1}",
             f"{bank}_{which}",
             *([f"PWM_{which}"] if bank == PWM[1] else []),
         ]
+        # -1 and 0 stand for what the next parameter states
         given = next(
             (parameters[name] for name in every if parameters.get(name, -1.0) > 0.0),
             None,
@@ -277,7 +282,8 @@ def _rotor_commands(
             " are; a columns.toml may do so."
         )
         return ()
-    signals, has_motors = list[QuantitySource](), MOTORS in tables
+    signals = list[QuantitySource]()
+    has_motors = MOTORS in tables
     if parameters.get("CA_R_REV", 0.0) or (
         has_motors and is_reversible(tables[MOTORS])
     ):
@@ -331,7 +337,8 @@ def _rotor_speeds(
     """Sources of the speeds that the motor controllers report, in the order of the
     motors that they drive.
     """
-    table, order = tables.get("esc_status"), {k: k for k in range(count)}
+    table = tables.get("esc_status")
+    order = {k: k for k in range(count)}
     if table is None:
         return ()
     functions = [f"esc[{k}].actuator_function" for k in range(MOST_ROTORS)]
@@ -390,8 +397,11 @@ def _shares(
         k: (PWM[1], at) for k, at in enumerate(order)
     }
     columns: dict[str, Array] = {}
-    assumed, is_sure, time = False, True, np.zeros(0)
+    assumed = False
+    is_sure = True
+    time = np.zeros(0)
     for motor in range(count):
+        # a motor without a channel gets one that no table has
         bank, channel = channels.get(motor, (PWM[1], MOST_ROTORS * 2))
         low, high, stated = _limits(parameters, bank, channel)
         table = _outputs(tables, bank, f"output[{channel}]", low, high, notes)
@@ -408,6 +418,7 @@ def _shares(
         share = np.maximum(
             0.0, (table.numbers(f"output[{channel}]") - low) / (high - low)
         )
+        # outputs of another bank are taken as they were held at the first one's times
         time = time if columns else table.time
         if table.time is not time:
             share = share[np.maximum(np.searchsorted(table.time, time, "right") - 1, 0)]

@@ -89,7 +89,9 @@ class WholeMessages:
             raise ValueError(
                 f"first bytes = {first}: must be {MAGIC.hex()}, of a ULog file"
             )
-        self.data, self.damaged, self.cut = data, 0, False
+        self.data = data
+        self.damaged = 0
+        self.cut = False
         self.formats: dict[bytes, bytes] = {}
         self.rows: dict[bytes, int] = {}  # bytes by the number of the topic
         self.appended: list[int] = []
@@ -124,9 +126,11 @@ class WholeMessages:
         """End offset of the message at a byte offset; 0 if it is invalid, or data of an
         unknown topic.
         """
-        data, end = self.data, self._end_of(place)
+        data = self.data
+        end = self._end_of(place)
         if not place + 3 < end <= len(data) or data[place + 2] not in LETTERS:
             return 0
+        # a row is as long as its topic's format, else the bytes are no message
         is_row = data[place + 2] == ord("D")
         return (
             0
@@ -160,10 +164,8 @@ class WholeMessages:
                 and self.formats.setdefault(match[1], text) is text
             )
         if letter == b"A":
-            number, fields = (
-                body[1:3],
-                PADDING.sub(b"", self.formats.get(body[3:], b"")),
-            )
+            number = body[1:3]
+            fields = PADDING.sub(b"", self.formats.get(body[3:], b""))
             size = self._bytes_of(fields)
             readable = (
                 number not in self.rows
@@ -173,6 +175,7 @@ class WholeMessages:
             if readable:
                 self.rows[number] = size
             return readable
+        # behind the first topic a parameter is a change in flight, which is not read
         if letter == b"P":
             return (
                 PARAMETER.match(body) is not None

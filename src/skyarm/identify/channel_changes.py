@@ -268,9 +268,9 @@ def _of_axes(flight: FlightData) -> Iterator[ChannelChange]:
     plain, mean = np.eye(3), flight["accelerometer"].values.mean(axis=0)
     k = int(np.argmax(np.abs(mean)))
     thrust = math.copysign(1.0, mean[k]) * plain[k]
-    upright, along = (
-        thrust[2] > 0.0,
-        f"measures the thrust along {_axis(thrust)} rather than z, {mean[k]:.3g} m/s^2",
+    upright = thrust[2] > 0.0
+    along = (
+        f"measures the thrust along {_axis(thrust)} rather than z, {mean[k]:.3g} m/s^2"
     )
     for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
         mapping = np.diag(signs) @ plain[list(order)]
@@ -278,6 +278,7 @@ def _of_axes(flight: FlightData) -> Iterator[ChannelChange]:
         if not moved:
             continue
         words = _axes_words(mapping)
+        # faults of wiring: axes that are exchanged, one sign, or a turn about an axis
         usual = (
             (mapping >= 0.0).all()
             or moved == 1
@@ -285,6 +286,7 @@ def _of_axes(flight: FlightData) -> Iterator[ChannelChange]:
         )
         if usual:
             yield _map_columns("gyro", words, MAP, ("gyro",), mapping)
+        # in flight the force is up on the mean, so a mapping that turns it away is none
         if (mapping @ mean)[2] > 0.5 * np.linalg.norm(mean):
             yield _map_columns(
                 "accelerometer",
@@ -303,10 +305,8 @@ def _of_base(thrust: Array, along: str, attitude: bool) -> Iterator[ChannelChang
     """Yield candidate rotations of the base axes of several sensors, which put the
     measured thrust along z.
     """
-    upright, remedy = (
-        bool(thrust[2] > 0.0),
-        "turn the rotors of the vehicle file, or the IMU's axes",
-    )
+    upright = bool(thrust[2] > 0.0)
+    remedy = "turn the rotors of the vehicle file, or the IMU's axes"
     lift = (
         0.5 * math.pi * np.cross(thrust, [0.0, 0.0, 1.0])
         if thrust[2] >= 0.0
@@ -319,14 +319,16 @@ def _of_base(thrust: Array, along: str, attitude: bool) -> Iterator[ChannelChang
         "turn the vehicle as if it stood {:.0f} deg about z from its rotors' places",
     )
     board = "gyro", f"and accelerometer: {turned}"
-    turns, price = [45.0, -45.0, 90.0, -90.0, 180.0], PRICE_WHOLE
+    turns = [45.0, -45.0, 90.0, -90.0, 180.0]
+    price = PRICE_WHOLE
     if not upright:
         words = (
             "axes look like forward, right, down or others, and the accelerometer"
             f" {along}: turned by {{:.0f}} deg"
         )
         whole = board = "gyro", f"{words} about z"
-        turns, price = [0.0, 90.0, -90.0, 180.0], PRICE_COLUMN
+        turns = [0.0, 90.0, -90.0, 180.0]
+        price = PRICE_COLUMN
     # without an attitude the board and the vehicle turn alike
     for (name, words), names in [(board, IMU)] * attitude + [
         (whole, (*IMU, "quaternion"))
@@ -408,6 +410,7 @@ def _of_rotors(flight: FlightData, rotors: Sequence[Rotor]) -> Iterator[ChannelC
         *_exchanges(plain),
         *turned,
         mirrored,
+        # of six rotors there are 720 orders, each of which costs a search
         *(permutations(plain) if len(plain) <= 4 else ()),
     ]
     for order in dict.fromkeys(every):
@@ -430,15 +433,8 @@ def _of_rotors(flight: FlightData, rotors: Sequence[Rotor]) -> Iterator[ChannelC
     )
     if np.isfinite(full).all():
         words = "begin at {:.0f} % of the full signal: their range is another"
-        lowered, percent = (
-            partial(by_rows, partial(_less, 0.01 * full)),
-            (
-                -15.0,
-                -6.0,
-                6.0,
-                15.0,
-            ),
-        )
+        lowered = partial(by_rows, partial(_less, 0.01 * full))
+        percent = (-15.0, -6.0, 6.0, 15.0)
         yield ChannelChange(
             ROTOR_COMMANDS, words, RANGE, COMMANDS, lowered, percent, True, PRICE_AMOUNT
         )
@@ -467,15 +463,8 @@ def _of_joints(names: Sequence[str]) -> Iterator[ChannelChange]:
         for group in (JOINTS, ("joint_rates",), ("joint_efforts",)):
             yield _map_columns(group[0], words, ORDER_JOINTS, group, mapping)
     for name, column in zip(names, plain, strict=True):
-        moved, zeros = (
-            partial(by_rows, partial(_less, column)),
-            (
-                -0.5,
-                -0.15,
-                0.15,
-                0.5,
-            ),
-        )
+        moved = partial(by_rows, partial(_less, column))
+        zeros = (-0.5, -0.15, 0.15, 0.5)
         words = f"zero of {name} is off by {{:.3g}}"
         yield ChannelChange(
             "joint_positions",

@@ -126,6 +126,7 @@ def _overloading(vehicle: Vehicle, flight: RequiredFlight) -> list[int]:
         above, 1.0, np.where(below, -1.0, 0.0)
     )
     worst = off.max(axis=(1, 2))
+    # a component nearly as bad as the worst is reduced with it, or it would be the next
     return [k for k, each in enumerate(worst.tolist()) if each >= 0.7 * worst.max()]
 
 
@@ -199,6 +200,7 @@ def information_of(flight: FlightData, measured: MeasuredNoise) -> Array:
     errors = dataclasses.replace(search, flights=[clocked]).errors(
         search.whole, before=measured.plant
     )
+    # the readings are noise-free, so the first states need no fit
     states = errors.first_states()
     # what the required flight leaves out says nothing against its readings
     _, _, normal = errors.normal(search.begin, states, measured.noise, outlier=math.inf)
@@ -295,6 +297,7 @@ def design_segments(
         whole = np.sum([one.information for one in each], axis=0)
         return volume_gain(whole, measured.prior, measured.in_vehicle)
 
+    # more than are taken, so that there is a choice at all
     free = max(count + 2, candidates // 3)
     pool: list[Candidate] = []
     for i in range(free):
@@ -318,6 +321,7 @@ def design_segments(
         )
         if trial is None:
             continue
+        # an exchange must gain, so the best of the replaced ones decides
         gains = [gain([*taken[:k], trial, *taken[k + 1 :]]) for k in range(count)]
         if max(gains) > best:
             best, k = max(gains), int(np.argmax(gains))

@@ -129,6 +129,7 @@ def design_flight(
     Raises:
         ValueError: one line: no flight stays in the limits, or SciPy is missing.
     """
+    # above the ground by half the box, the whole arm and the clearance, in tenths
     height = math.ceil(10.0 * (0.5 * limits.box + reach(vehicle) + limits.clear)) / 10.0
     axes = axes_of(vehicle, limits.box, height)
 
@@ -142,6 +143,7 @@ def design_flight(
     tell(0, "undesigned flight")
     document = scenario_document(vehicle, name, [], axes, limits.seconds, seed)
     hover = scenario_from(document, folder)
+    # the noise of the sensors and the wrench are those of a flight that nobody designed
     plain = run(hover.with_reference(unseen_motion(vehicle)))
     if plain.info["status"] != "completed":
         raise ValueError(
@@ -171,6 +173,7 @@ def design_flight(
         broken = broken_axes(log, vehicle, axes, limits)
         if not broken.any():
             break
+        # only axes that break a limit are reduced: all others keep their information
         segments = [each.scale(np.where(broken, SHRUNK, 1.0)) for each in segments]
     else:
         raise ValueError(

@@ -100,12 +100,14 @@ def flight_facts(flight: FlightData) -> Facts:
     """Facts of a measured flight as plain data: format, duration, channels, notes and
     clock.
     """
-    channels, parts = [], parts_of(flight)
+    channels = []
+    parts = parts_of(flight)
     listed = {
         name: words
         for name, words in flight.facts.items()
         if name.startswith("flight #")
     }
+    # a format that tells its flights apart knows better than pauses do
     if not listed and len(parts) > 1:
         listed = {
             f"flight #{k + 1}": f"{begin:.4g} to {end:.4g} s"
@@ -274,11 +276,12 @@ def show_flight(
             flight = joints_in_order(flight, start)
             faults = find_faults(flight, start)
     give(facts)
+    mapped = "" if columns is None else f" --columns {quote(columns)}"
     for part in flight_sheet(facts):
         tell(part, "")
     if start is None:
         if NEEDED not in facts["missing"].values():
-            tell(f"next: skyarm show {quote(name)} --vehicle VEHICLE")
+            tell(f"next: skyarm show {quote(name)}{mapped} --vehicle VEHICLE")
         return None
     for fault in faults:
         tell(fault_line(fault), "")
@@ -290,7 +293,7 @@ def show_flight(
         tell(heading(f"excitation of {start.name}: expected 95 % intervals"), "")
         tell("\n".join(excitation_lines(numbers)), "")
         tell(
-            f"next: skyarm identify flights {quote(name)} --vehicle"
+            f"next: skyarm identify flights {quote(name)}{mapped} --vehicle"
             f" {quote(vehicle or '')} --known mass=KG"
         )
     else:

@@ -31,13 +31,12 @@ def replay_of(
     require_within("--horizon", horizon, *HORIZONS)
     model = load_vehicle(vehicle)
     flown = joints_in_order(load_flight(flight, columns), model)
-    about, full = (
-        IdentifiedSurroundings(delay=float(flown.facts.get("command_delay", 0.0))),
-        0.0,
-    )
+    about = IdentifiedSurroundings(delay=float(flown.facts.get("command_delay", 0.0)))
+    full = 0.0
     beside = Path(vehicle).parent / NUMBERS
     if Path(vehicle).is_file() and beside.is_file():
         of, about_it, volts = read_surroundings(beside, flown.name)
+        # delays and offsets belong to the vehicle with which they were found
         if of == model.name:
             about, full = about_it, volts
             tell(f"delays and offsets: {beside}")

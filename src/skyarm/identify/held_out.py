@@ -117,12 +117,15 @@ def predict_held_out(
     Raises:
         ValueError: one line: no flight is long enough for a prediction.
     """
-    flights, seen = distinct_flights(flights), distinct_flights(seen) if seen else []
+    flights = distinct_flights(flights)
+    seen = distinct_flights(seen) if seen else []
     step = clock_step([*flights, *seen], start)
+    # every horizon is then a whole number of steps
     step = SHORTEST / math.ceil(SHORTEST / step - 1e-9)
     posed = [i for i, each in enumerate(flights) if not no_poses(each)]
     learnt = [each for each in seen if posed and not no_poses(each)]
-    every, count = [*flights, *learnt], len(flights)
+    every = [*flights, *learnt]
+    count = len(flights)
     clocks = [
         on_clock(
             each,
@@ -147,6 +150,7 @@ def predict_held_out(
     at_start = OpenLoopPredictor(
         start, before, flights, clocks[:count], options.gravity
     )
+    # all predictors begin at the same instants, where the slower rotors are known, too
     slower = max(
         (found.vehicle, start),
         key=lambda each: float(time_constants(each.rotors).max(initial=0.0)),
@@ -164,7 +168,8 @@ def predict_held_out(
 
     # all predictors from the same instants on, of those that have a past if there are
     # any
-    ahead, past = posed or range(count), None
+    ahead = posed or range(count)
+    past = None
     begun = begins(ahead, max(PASTS) if learnt else 0.0, APART)
     of_fit = thin_places(begins(range(count, len(every)), max(PASTS), APART), LEARNT)
     windows = identified.windows(begun)
@@ -280,7 +285,9 @@ def ends_of(
     The arguments are those of :meth:`OpenLoopPredictor.ahead`.
     Predictions that leave what is usable before their end are none.
     """
-    windows, step, left = errors.windows, errors.windows.step, loop.left(errors.windows)
+    windows = errors.windows
+    step = errors.windows.step
+    left = loop.left(errors.windows)
     ends = [round(each / step) for each in horizons]
     last = max((k for k in ends if (left >= k).any()), default=0)
     flown = {
@@ -296,6 +303,7 @@ def ends_of(
         measured = loop.measured_at(windows, np.minimum(k, left))
         every = (flown.get(k, still), still, measured)
         *off, there = (_difference(steady, each.at(rows)) for each in every)
+        # of a horizon that no part is long enough for there are no rows
         predictions.append(Ends(horizon, np.stack(off, axis=1), there))
     return predictions
 
@@ -318,7 +326,8 @@ def errors_of(ends: Ends, shares: Array) -> HorizonErrors:
     weights (2, 3) or (4, 2, 3).
     """
     predicted = (ends.off * shares[..., None, :]).sum(axis=1)
-    left, turn = ends.measured - predicted, PARTS.index("attitude")
+    left = ends.measured - predicted
+    turn = PARTS.index("attitude")
     left[turn] = rotations_between(
         *(_attitudes(each[turn]) for each in (predicted, ends.measured))
     )
@@ -421,7 +430,8 @@ def learn_from_past(
         errors: errors of windows in the flights of the fit.
         horizons: s.
     """
-    chosen, least = list[PastWeight](), (True, math.inf)
+    chosen = list[PastWeight]()
+    least = (True, math.inf)
     without = [
         errors_of(each, WHOLE)
         for each in ends_of(loop, errors, horizons, loop.begins(errors.windows))
@@ -450,15 +460,14 @@ def learn_from_past(
             score = (
                 not all(good),
                 sum(
+                    # logarithms weigh a tenth of either error alike, whatever its unit
                     math.log(max(each.position * each.attitude, 1e-300))
                     for each, _ in far
                 ),
             )
             if score < least:
-                chosen, least = (
-                    [PastWeight(seconds, noise, spread, smoothed, memory, shares)],
-                    score,
-                )
+                chosen = [PastWeight(seconds, noise, spread, smoothed, memory, shares)]
+                least = score
     return chosen[0]
 
 
@@ -481,7 +490,9 @@ def noises_of(before: WindowErrors, begins: BaseStates) -> tuple[Array, Array]:
     A row that no window has keeps what differences of its samples tell; flights without
     windows take the noise of the others.
     """
-    states, spread, noise = window_states(begins), before.push, first_noise(before)
+    states = window_states(begins)
+    spread = before.push
+    noise = first_noise(before)
     for turn in range(ROUNDS):
         errors, there, normal, reduced, states = _turn(before, states, noise, spread)
         noise = new_noise(before, errors, there, noise, normal, reduced.inverse)
@@ -489,6 +500,7 @@ def noises_of(before: WindowErrors, begins: BaseStates) -> tuple[Array, Array]:
             spread = new_spread(before, states, spread, reduced.inverse)
     own = np.isin(np.arange(len(noise)), before.windows.owners)
     measured = there.any(axis=(0, 1))
+    # flights to predict may have no window: their sensors are those of the fit
     noise[np.ix_(~own, measured)] = noise[np.ix_(own, measured)].min(axis=0)
     return noise, spread
 
@@ -537,6 +549,7 @@ def fading(
             flight.
         memory: s.
     """
+    # a mean whose weights fade with the time before, made window by window
     lasting, counts = wrench.copy(), np.ones((len(wrench), 1))
     for j in range(1, len(wrench)):
         if windows.owners[j] == windows.owners[j - 1]:
@@ -558,11 +571,13 @@ def one_step_errors(
     and spread of measured ones.
     """
     count = loop.averaged
+    # a sample's mean is of the period before it: of two periods one is flown whole
     whole = loop.left(loop.windows(places).windows) >= 2 * count
     each_of = np.split(whole, np.cumsum([len(each) for each in places])[:-1])
     places = [each[long] for each, long in zip(places, each_of, strict=True)]
     errors = loop.windows(places, 2 * count * loop.flights[0].step)
-    windows, begins = errors.windows, loop.begins(errors.windows)
+    windows = errors.windows
+    begins = loop.begins(errors.windows)
     residuals, there = errors.errors_at(NONE, window_states(begins))
     column = errors.rows.index(("accelerometer", 0))
     counted, left = there[:, :, column], residuals[:, :, column : column + 3]

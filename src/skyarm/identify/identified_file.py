@@ -59,6 +59,8 @@ def identified_file(
             sources[
                 field.replace("rotors.", "rotor_defaults.", 1) if shared else field
             ] = at
+    # the base has what the links leave of the total mass, which no row of the table
+    # says
     if float(found.vehicle.base.mass) != float(start.base.mass):
         comments["base.mass"] = "what the links leave of the total mass, which is given"
     for name in known:
@@ -145,12 +147,16 @@ def read_surroundings(
             f"{file}: must hold 'surroundings' and 'known', as 'skyarm identify' writes"
             " them"
         )
+    numbers = document.get("numbers", [])
+    if not (
+        isinstance(numbers, list) and all(isinstance(row, dict) for row in numbers)
+    ):
+        raise ValueError(f"{file}: must hold 'numbers', a list of tables")
     values = dict[str, float]()
     for each in dataclasses.fields(IdentifiedSurroundings):
-        value, name = (
-            table.get(each.name, each.default),
-            f"{file}: surroundings.{each.name}",
-        )
+        # a file that an earlier version wrote lacks newer fields
+        value = table.get(each.name, each.default)
+        name = f"{file}: surroundings.{each.name}"
         if not isinstance(each.default, tuple):
             values[each.name] = number(value, name)
         elif isinstance(value, (list, tuple)) and len(value) == len(each.default):
@@ -162,11 +168,7 @@ def read_surroundings(
             raise ValueError(
                 f"{name} = {shown(value)}: must be {len(each.default)} numbers"
             )
-    own = [
-        each
-        for each in document.get("numbers", [])
-        if each.get("name") == f"{THRUST}{flight}"
-    ]
+    own = [each for each in numbers if each.get("name") == f"{THRUST}{flight}"]
     if own and own[0].get("value") is not None:
         values["thrust"] = number(
             own[0]["value"], f"{file}: {THRUST}{flight}", low=0.0, strict=True

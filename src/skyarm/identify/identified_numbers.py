@@ -163,26 +163,24 @@ def scale_of(
     """
     place = {each.name: i for i, each in enumerate(unknowns)}
     shown = [each for each in reported if any(part in place for part in each.parts)]
-    values, starts, positive = (
-        np.zeros(len(shown)),
-        np.zeros(len(shown)),
-        np.zeros(len(shown), dtype=bool),
-    )
+    values = np.zeros(len(shown))
+    starts = np.zeros(len(shown))
+    positive = np.zeros(len(shown), dtype=bool)
     rows = np.zeros((len(shown), len(unknowns)))
     for k, each in enumerate(shown):
         for name in each.parts:
             if name not in place:
-                values[k], starts[k] = values[k] + known[name], starts[k] + known[name]
+                values[k] += known[name]
+                starts[k] += known[name]
                 continue
             unknown = unknowns[place[name]]
             value = unknown.value(float(found.values[place[name]]))
-            values[k], starts[k], positive[k] = (
-                values[k] + value,
-                starts[k] + unknown.start,
-                unknown.positive,
-            )
+            values[k] += value
+            starts[k] += unknown.start
+            positive[k] = unknown.positive
             rows[k, place[name]] = value if unknown.positive else 1.0
         if positive[k]:
+            # slopes of the logarithm, by which positive numbers are reported
             rows[k] /= values[k]
     spreads = np.array([each.spread for each in unknowns])
     return Scale(shown, values, starts, positive, rows, rows**2 @ spreads**2)
@@ -211,6 +209,7 @@ def identified_numbers(
     # data blur, as before
     halves = np.minimum(found.half_widths(scale.rows) * wider, NORMAL * np.sqrt(before))
     shares = 1.0 - (halves / NORMAL) ** 2 / before
+    # whatever the fit says: a sensor that averages in silence is off by half a sample
     sampling = np.array(
         [0.5 * sample * (each.name == ACCELEROMETER) for each in scale.reported]
     )
@@ -278,10 +277,8 @@ def disagreement(
     noise = after / variances_of(scale.rows, found.curvature)
     variance = np.stack(variances) * noise
     weights = np.where(1.0 - variance / scale.before >= SHOWN, 1.0 / variance, 0.0)
-    total, freedom = (
-        np.maximum(weights.sum(axis=0), 1e-300),
-        (weights > 0.0).sum(axis=0) - 1,
-    )
+    total = np.maximum(weights.sum(axis=0), 1e-300)
+    freedom = (weights > 0.0).sum(axis=0) - 1
     mean = (weights * off).sum(axis=0) / total
     square = (weights * (np.stack(off) - mean) ** 2).sum(axis=0) / np.maximum(
         freedom, 1
@@ -412,11 +409,10 @@ def at_starts(
         shown: values that the table prints, by their places.
         found: numbers before they were conditioned.
     """
-    place, printed = {name: i for i, name in enumerate(searched)}, shown or {}
-    sums, totals = (
-        np.zeros((len(scale.reported), len(searched))),
-        np.zeros(len(scale.reported)),
-    )
+    place = {name: i for i, name in enumerate(searched)}
+    printed = shown or {}
+    sums = np.zeros((len(scale.reported), len(searched)))
+    totals = np.zeros(len(scale.reported))
     for k, each in enumerate(scale.reported):
         given = sum(plain[part] for part in each.parts if part not in place)
         whole = (
@@ -426,22 +422,19 @@ def at_starts(
         )
         totals[k] = printed.get(k, whole) - given
         sums[k, [place[part] for part in each.parts if part in place]] = 1.0
+    # not as many reported as searched numbers: none follow from the others alone
     if sums.shape[0] != sums.shape[1]:
         return dict(plain)
     solved = dict(zip(searched, np.linalg.solve(sums, totals).tolist(), strict=True))
-    rising = {
-        part
-        for k, each in enumerate(scale.reported)
-        if scale.positive[k]
-        for part in each.parts
-    }
+    rising = set[str]()
+    for k, each in enumerate(scale.reported):
+        if scale.positive[k]:
+            rising.update(each.parts)
     impossible = {name for name in rising & set(solved) if solved[name] <= 0.0}
     if impossible and found is None:
         return dict(plain)
-    together = [
-        part
-        for each in scale.reported
-        if impossible & {*each.parts}
-        for part in each.parts
-    ]
+    together = list[str]()
+    for each in scale.reported:
+        if impossible & {*each.parts}:
+            together += each.parts
     return {**plain, **solved, **{name: (found or plain)[name] for name in together}}

@@ -91,6 +91,7 @@ def vehicle_with(
     )
     links = tuple(_link(each, numbers, checked) for each in start.links)
     drives = tuple(_drive(each, numbers, checked) for each in start.drives)
+    # flights show forces per mass only, so that the base bears what the links change
     mass = start.base.mass
     for now, before in zip(links, start.links, strict=True):
         mass = mass - (now.body.mass - float(before.body.mass))
@@ -185,6 +186,7 @@ def _rotor(
             )
     for name in ("inertia", "drag_coefficient"):
         if f"rotors.{name}" in numbers:
+            # noise may put inertia and drag below 0, where no rotor is
             changes[name] = (
                 max(numbers[f"rotors.{name}"], 0.0)
                 if checked
@@ -202,6 +204,7 @@ def _rotor(
 def _link(link: Link, numbers: Mapping[str, Scalar], checked: bool) -> Link:
     """Link with identified parameters."""
     name, body = f"links.{link.name}", link.body
+    # one factor on all moments, as the shape of a link is that of its drawing
     scale = numbers.get(f"{name}.inertia", 1.0)
     moved = with_changes(
         body,

@@ -87,6 +87,7 @@ class IdentifiedReport:
         identified, flights = self.found, self.flights
         names = _few_names([each.name for each in flights])
         rows = [HEADS, *map(_row, identified.numbers)]
+        # units stand to the left, which the table would push to the right
         wide = max(len(each[-1]) for each in rows)
         lines = [f"{self.start.name} from {names}: {identified.seconds:.3g} s"]
         lines += [
@@ -151,7 +152,8 @@ class IdentifiedReport:
         """All parameters as plain data; null for a value that the flights do not
         identify.
         """
-        identified, unknown = self.found, dict.fromkeys(("value", "low", "high"))
+        identified = self.found
+        unknown = dict.fromkeys(("value", "low", "high"))
         return {
             "start": self.start.name,
             "flights": [
@@ -375,6 +377,7 @@ def correlated_pairs(found: Identified) -> list[tuple[str, str, float]]:
     """Pairs of parameters with strongly correlated errors, of which one at least is
     identified, the strongest first.
     """
+    # above the diagonal, as pairs have no order
     strong = np.argwhere(np.triu(np.abs(found.correlation) > CLOSE, 1))
     rows = [
         (found.numbers[i], found.numbers[j], float(found.correlation[i, j]))

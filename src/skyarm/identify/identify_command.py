@@ -21,6 +21,7 @@ import typer
 from skyarm.cli.arguments import Force, name_completion, out_option, require_left_out
 from skyarm.cli.lines import NOT_COMPLETED, say
 from skyarm.cli.output import bar, give, json_text, plain, tell, tell_report
+from skyarm.flight_data.flight_data import split_path
 from skyarm.flight_data.own_log import is_own_mcap, require_one_vehicle
 from skyarm.identify.design import SEGMENT, DesignLimits
 from skyarm.identify.design_report import design_facts, design_lines
@@ -167,18 +168,17 @@ def flights(
     if join is not None and len(files) > 1:
         raise ValueError(f"flights = {len(files)}: must be one with --join")
     for flight in (*files, *(held_out or ()), *(() if join is None else (join,))):
-        if not Path(flight).is_dir():
-            require_file(flight, f"flight = {shown(flight)}")
+        file, _ = split_path(flight)
+        if not Path(file).is_dir():
+            require_file(file, f"flight = {shown(flight)}")
     if vehicle is None:
         raise ValueError(
             "--vehicle: is missing: must be the vehicle as its data sheet and"
             " drawing say"
         )
     start, given = known_numbers(load_vehicle(vehicle), known or ())
-    felt, sections = (
-        (None if gravity is None else require_gravity(gravity, "--gravity")),
-        _sections(begin, end),
-    )
+    felt = None if gravity is None else require_gravity(gravity, "--gravity")
+    sections = _sections(begin, end)
     folder = None if out is None else Path(out)
     with taken_back(out):
         with bar(f"identify {start.name}") as advance:
@@ -200,13 +200,15 @@ def flights(
                 warn=lambda fault: say(f"warning: {fault.words}"),
                 progress=advance,
             )
-            identified, document = report.found, report.document()
+            identified = report.found
+            document = report.document()
             contents = {
                 VEHICLE: report.vehicle_file().encode(),
                 NUMBERS: json_text(document).encode(),
             }
             if identified.held_out is not None:
                 contents[TABLE] = prediction_csv(identified.held_out).encode()
+                # without poses there is neither position nor attitude to draw
                 if folder is not None and identified.held_out.has_poses:
                     contents[FIGURE] = prediction_png(identified.held_out)
         tell_report(report.lines())
@@ -267,20 +269,19 @@ def lags(
     """
     require_readable(log, "flight")
     require_file(log, f"flight = {shown(log)}")
+    # a folder that was made for a file goes again if no file is written
     with taken_back(out and Path(out).parent):
-        written, name = (
-            (None if out is None else output_file(out, "--out", ".toml", force=force)),
-            Path(log).name,
+        written = (
+            None if out is None else output_file(out, "--out", ".toml", force=force)
         )
+        name = Path(log).name
         whole = load_log(log)
         with errors_as(ValueError, f"flight = {shown(log)}: "):
             require_one_vehicle(whole)
         flight = _part(whole, begin, end)
         felt = None if gravity is None else require_gravity(gravity, "--gravity")
-        (model, felt), stated = (
-            nominal_model(flight, vehicle, felt),
-            stated_delays(flight),
-        )
+        model, felt = nominal_model(flight, vehicle, felt)
+        stated = stated_delays(flight)
         with bar(f"{name}: delays and lags"):
             loops = loop_lags(flight, model, felt)
         tables = lag_tables(loops, measured=stated["measurement"] or 0.0)
@@ -309,7 +310,8 @@ def _limit(name: str) -> Any:
     """Command-line option for a flight limit, with unit, meaning and default from its
     record; angles in degrees.
     """
-    unit, usual = units(DesignLimits)[name], getattr(USUAL, name)
+    unit = units(DesignLimits)[name]
+    usual = getattr(USUAL, name)
     of, usual = (
         ("deg", math.degrees(usual)) if unit.unit == "rad" else (unit.unit, usual)
     )
@@ -347,6 +349,7 @@ def design(
             None if out is None else output_file(out, "--out", ".toml", force=force)
         )
         folder = Path() if written is None else Path(written).parent
+        # a path in a scenario file starts at the folder of that file
         name = model if model in list_vehicles() else os.path.relpath(model, folder)
         with bar(f"design {start.name}") as advance:
             designed = design_flight(
@@ -367,12 +370,12 @@ SUBCOMMANDS: Mapping[str, Callable[..., None]] = {
 """Subcommand -> its function."""
 
 OPTIONS = {
-    word: {
+    command: {
         name: each.replace(kind=inspect.Parameter.KEYWORD_ONLY)
         for name, each in inspect.signature(function, eval_str=True).parameters.items()
         if each.default is not each.empty
     }
-    for word, function in SUBCOMMANDS.items()
+    for command, function in SUBCOMMANDS.items()
 }
 """Subcommand -> parameters of its options, all of which are optional."""
 
@@ -416,6 +419,7 @@ def identify(
         raise ValueError(
             "FLIGHT: is missing: must be one log or more, or --design VEHICLE"
         )
+    # as before there were subcommands: one log of our own alone gives its lags
     if only_lags or (
         options["vehicle"] is None and len(files) == 1 and _is_own_log(Path(files[0]))
     ):
@@ -430,21 +434,23 @@ def identify(
 
 
 *_own, _options = inspect.signature(identify, eval_str=True).parameters.values()
+# Typer reads options from the signature, and declaring those of three commands anew
+# would be a second list
 identify.__dict__["__signature__"] = inspect.Signature(
     [*_own, *(OPTIONS["design"] | OPTIONS["lags"] | OPTIONS["flights"]).values()]
 )
 
 
-def _of(word: str, options: Mapping[str, Any]) -> dict[str, Any]:
+def _of(command: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """Select the options of a subcommand from those of all subcommands."""
-    return {name: options[name] for name in OPTIONS[word]}
+    return {name: options[name] for name in OPTIONS[command]}
 
 
-def _beyond(word: str, other: str) -> list[str]:
+def _beyond(command: str, other: str) -> list[str]:
     """Names of the options of a subcommand that another one lacks."""
     return [
         f"--{name.replace('_', '-')}"
-        for name in OPTIONS[word]
+        for name in OPTIONS[command]
         if name not in OPTIONS[other]
     ]
 
@@ -496,7 +502,7 @@ def _within(value: float, option: str, low: float, high: float) -> float:
 
 
 def known_numbers(
-    start: Vehicle, words: Sequence[str]
+    start: Vehicle, texts: Sequence[str]
 ) -> tuple[Vehicle, dict[str, float]]:
     """Parse known parameters such as ``mass=0.034``; returns the start vehicle with its
     total mass, and the others.
@@ -508,7 +514,7 @@ def known_numbers(
         ValueError: one line with the option, the value and what is allowed.
     """
     given = dict[str, float]()
-    for each in words:
+    for each in texts:
         name, equals, text = (part.strip() for part in each.partition("="))
         if not (name and equals and text):
             raise ValueError(

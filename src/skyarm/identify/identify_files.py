@@ -61,16 +61,15 @@ class FlightFiles:
                     f"--held-out = {shown(each)}: must not be among the flights of"
                     " the fit"
                 )
-        every, flights, clocks = (
-            [*self.fit, *self.held_out],
-            list[FlightData](),
-            dict[str, ClockOffset](),
-        )
+        every = [*self.fit, *self.held_out]
+        flights = list[FlightData]()
+        clocks = dict[str, ClockOffset]()
         for i, file in enumerate(every):
             progress(i, len(every), f"read {Path(file).name}")
             flight, clock = align_poses(
                 joints_in_order(load_flight(file, self.columns), start)
             )
+            # the second computer's file is of the first flight, the only one with it
             if not i and self.join is not None:
                 flight, clock = join_flights(
                     flight, joints_in_order(load_flight(self.join), start)
@@ -150,6 +149,7 @@ def identify_files(
     counted = [
         each for each, counts in zip(fitted, identified.counted, strict=True) if counts
     ]
+    # so that the report says how the commands were taken
     counted = [as_samples(each) for each in counted] if identified.sampled else counted
     return IdentifiedReport(
         found=identified,
@@ -194,10 +194,11 @@ def _place(
 
 def _gravity(flights: Sequence[FlightData]) -> float:
     """Gravity (m/s^2) stated by the flights; the standard value if none states it."""
-    stated = {each.name: each.gravity for each in flights if "gravity" in each.facts}
-    if len(set(stated.values())) > 1:
-        listed = ", ".join(f"{name} {value:g}" for name, value in stated.items())
+    # no mapping by name: two flights may have one
+    stated = [each for each in flights if "gravity" in each.facts]
+    if len({each.gravity for each in stated}) > 1:
+        listed = ", ".join(f"{each.name} {each.gravity:g}" for each in stated)
         raise ValueError(
             f"--gravity: is missing: the flights state several, m/s^2: {listed}"
         )
-    return next(iter(stated.values()), GRAVITY)
+    return stated[0].gravity if stated else GRAVITY

@@ -114,6 +114,7 @@ def identify_aligned(
     """
     tell = progress or (lambda words: None)
     tell("look for faults")
+    # faults outside the parts that count do no harm
     parts = [
         each.section(*part) for each in flights for part in options.sections
     ] or flights
@@ -197,6 +198,7 @@ def known_of_search(
                 f"{prefix}{name} = {moment:g}: must be below the sum of the other two,"
                 f" {others:g}"
             )
+        # rounding may put that of a plate, which is 0, below it
         given[f"base.second_moment.{axis}"] = max(second, FLAT * sum(moments))
     return start, given
 
@@ -222,4 +224,5 @@ def _report(faults: Sequence[LogFault], despite_faults: bool) -> None:
     """
     require_no_refusal(() if despite_faults else faults)
     for fault in faults:
+        # five calls up stands the line that called identify_flights
         warnings.warn(fault.words, UserWarning, stacklevel=5)

@@ -190,8 +190,16 @@ class WindowSearch:
             )
         if before is not None:
             return before.over(windows)
-        parts = self.unknowns, self.known, self.driven, self.servoed
-        return WindowErrors(windows, self.start, *parts, self.gravity, finer)
+        return WindowErrors(
+            windows,
+            self.start,
+            self.unknowns,
+            self.known,
+            self.driven,
+            self.servoed,
+            self.gravity,
+            finer,
+        )
 
     def scale(self, fit: WindowFit) -> Scale:
         """Linearise the reported parameters about an estimate."""
@@ -267,11 +275,14 @@ def first_fits(
     some = search.errors(search.whole, SOME, short)
     fit_again = partial(fit_windows, lasting=search.slow, progress=progress)
     fit = fit_again(some, near.values, noise=near.noise, spread=near.spread)
+    # dry friction alone bends within rates that steps may jump over
     while (
         any(each.name.endswith(".coulomb") for each in search.unknowns)
         and some.replay.substeps < FINEST
     ):
         finer = search.errors(search.whole, SOME, finer=2 * some.replay.substeps)
+        # on the same samples, or placing them anew would pass for an effect of the
+        # steps
         finer.samples, finer.taken = some.samples, some.taken
         moved = (finer.errors_at(fit.values, fit.states)[0] - fit.errors) / fit.noise[
             some.windows.owners
@@ -305,6 +316,7 @@ def identify_by_windows(
     search = search_of(flights, start, options)
     some, near = first_fits(search, progress)
     if act_early(search, near, flights):
+        # goes one deep, because samples do not act early a second time
         sampled = [as_samples(each) for each in flights]
         return replace(
             identify_by_windows(sampled, start, options, progress), sampled=True
@@ -318,11 +330,9 @@ def identify_by_windows(
         lasting=search.slow,
         progress=progress,
     )
-    start, unknowns, windows = (
-        with_servos(start, search.servoed),
-        search.unknowns,
-        errors.windows,
-    )
+    start = with_servos(start, search.servoed)
+    unknowns = search.unknowns
+    windows = errors.windows
     scale, unseen = search.scale(fit), search.hidden_lags()
     free, correlation = identified_numbers(
         fit, scale, search.sample, [each.name for each in search.flights]
@@ -337,15 +347,13 @@ def identify_by_windows(
         replace(each, reason=NOT_SHOWN) if each.name in unseen else each
         for each in numbers
     ]
-    excluded = [
-        a.is_known and not b.is_known for a, b in zip(free, numbers, strict=True)
-    ]
     shares = np.array(
         [
-            0.0 if out else each.data_share
-            for out, each in zip(excluded, numbers, strict=True)
+            0.0 if before.is_known and not now.is_known else now.data_share
+            for before, now in zip(free, numbers, strict=True)
         ]
     )
+    # -inf: put back before all others, whatever the fit says of them
     shares[[each.name in unseen - {"delay"} for each in numbers]] = -math.inf
     # of a number of the vehicle and one around it that look alike, it is the vehicle
     # that stays as it was
@@ -368,6 +376,8 @@ def identify_by_windows(
         errors.numbers(fit.values),
     )
     explained, deviation = explained_shares(errors, fit)
+    names = [each.name for each in scale.reported]
+    costs = costs_of_absent(errors, fit, scale.rows) if fit.settled else {}
     return Identified(
         numbers=tuple(numbers),
         correlation=correlation,
@@ -380,14 +390,8 @@ def identify_by_windows(
         searched=plain,
         period=search.sample,
         absent={
-            channel: dict(
-                zip(
-                    [each.name for each in scale.reported], ratios.tolist(), strict=True
-                )
-            )
-            for channel, ratios in (
-                costs_of_absent(errors, fit, scale.rows) if fit.settled else {}
-            ).items()
+            channel: dict(zip(names, ratios.tolist(), strict=True))
+            for channel, ratios in costs.items()
         },
         counted=tuple(
             bool((windows.owners == i).any()) for i in range(len(search.flights))
@@ -421,11 +425,13 @@ def distinct_flights(flights: Sequence[FlightData]) -> list[FlightData]:
     """
     if not flights:
         raise ValueError("flights: must be one or more")
-    names, distinct = [each.name for each in flights], list[FlightData]()
+    names = [each.name for each in flights]
+    distinct = list[FlightData]()
     for i, flight in enumerate(flights):
         name = (
             flight.name if names.count(flight.name) == 1 else f"{flight.name} ({i + 1})"
         )
+        # without an attitude no thrust says where the vehicle goes
         out = () if "quaternion" in flight else ("position", "velocity")
         channels = {
             each: flight[each]
@@ -485,7 +491,8 @@ def explained_shares(
     """Fraction of each sensor axis' variance that the model explains, and standard
     deviation of its errors.
     """
-    names, windows = {"gyro": "rate", "accelerometer": "specific_force"}, errors.windows
+    names = {"gyro": "rate", "accelerometer": "specific_force"}
+    windows = errors.windows
     white = first_noise(errors)[windows.owners] ** 2
     at = windows.begins + np.arange(windows.length)[:, None]
     explained, deviation = dict[str, float](), dict[str, float]()
@@ -497,10 +504,8 @@ def explained_shares(
         else:
             continue
         there = fit.counted[:, :, i].astype(float)
-        noise, left = (
-            float((there * white[:, i]).sum()),
-            float((there * fit.errors[:, :, i] ** 2).sum()),
-        )
+        noise = float((there * white[:, i]).sum())
+        left = float((there * fit.errors[:, :, i] ** 2).sum())
         bends = float(
             (
                 _without_lines(errors.samples[sensor].values[at, column], there) ** 2

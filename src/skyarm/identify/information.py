@@ -88,13 +88,15 @@ def expected_numbers(
     search = search_of(flights, start)
     some, near = first_fits(search)
     whole = ClockedWindows(search.flights, search.start, search.whole)
+    # some windows tell of all: information grows with their number
     fit = near.of_more(whole.count / some.windows.count)
     logarithmic = {each.name for each in search.unknowns if each.positive}
     scale = search.scale(fit)
     positive = {
         each.name for each in scale.reported if logarithmic.intersection(each.parts)
     }
-    numbers, unseen = [], search.hidden_lags()
+    numbers = []
+    unseen = search.hidden_lags()
     for each in identified_numbers(fit, scale, search.sample)[0]:
         share = 0.5 * math.log(each.high / each.low) if each.name in positive else 0.0
         numbers.append(

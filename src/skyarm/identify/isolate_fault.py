@@ -166,7 +166,7 @@ BESIDE = {
 spoil any."""
 
 
-class Tried(NamedTuple):
+class TriedChange(NamedTuple):
     """Tried correction of a channel: its amount, the residuals after it, and its
     cost.
     """
@@ -181,7 +181,7 @@ Flights = tuple[FlightData, FlightData]
 """Flight as it is stamped, and the same with its poses aligned to the gyroscope's
 clock."""
 
-Trial = Callable[[ChannelChange, float, tuple[int, int]], list[Tried]]
+Trial = Callable[[ChannelChange, float, tuple[int, int]], list[TriedChange]]
 """Function (change, amount, windows and iterations) -> residuals; empty where it cannot
 be simulated."""
 
@@ -199,6 +199,7 @@ def find_faults(
             explain: some ten seconds.
     """
     faults = check_log(flight, start)
+    # a channel that is missing or in another unit would let no model fit
     if not any(each.severity == REFUSED for each in faults):
         faults += faults_of(
             flight.file,
@@ -229,7 +230,8 @@ def _isolate(
         and abs(clock.offset) - clock.offset_error > LATE_POSE
         and "pose" not in [row[1] for row in verdicts]
     ):
-        way, off = ("late" if clock.offset < 0.0 else "early"), 1e3 * abs(clock.offset)
+        way = "late" if clock.offset < 0.0 else "early"
+        off = 1e3 * abs(clock.offset)
         finding = (
             f"is {off:.0f} ± {1e3 * clock.offset_error:.0f} ms {way} against the gyro"
         )
@@ -254,11 +256,13 @@ def _verdict(
         name: max(size for (of, _), size in before.sizes.items() if of == name)
         for name, _ in before.sizes
     }
+    # what is wrong with a faulty channel is said already, and leaves its residual
     bad = [
         name
         for name in sorted(sizes, key=lambda name: -sizes[name])
         if sizes[name] >= ALARM and name not in faulty
     ]
+    # the delay is searched, so late commands leave white rows and show in it alone
     if not bad and abs(before.delay) > LONGEST_DELAY:
         finding = SHIFTED.format(-1e3 * (before.delay - USUAL_DELAY))
         yield (
@@ -281,8 +285,9 @@ def _verdict(
                 for name in bad
                 if name in PUSHES
             ]
-            words = f"does not explain {', '.join(noises)}" if noises else ""
-            finding = f"{words}{' and ' if words and pushes else ''}{'leaves ' if pushes else ''}{' and '.join(pushes)}"
+            parts = [f"does not explain {', '.join(noises)}"] if noises else []
+            parts += [f"leaves {' and '.join(pushes)}"] if pushes else []
+            finding = " and ".join(parts)
             if sizes[bad[0]] == math.inf:
                 finding = "flies to infinity under the commands"
             remedy = (
@@ -297,12 +302,14 @@ def _verdict(
             yield WARNED, "model", finding, remedy
 
 
-def _name_fault(best: Sequence[Tried], before: Left, flight: FlightData) -> Found:
+def _name_fault(best: Sequence[TriedChange], before: Left, flight: FlightData) -> Found:
     """Describe the fault that a channel correction undoes, an equally good alternative,
     and the effect.
     """
     change, left = best[0].change, best[0].left
-    rows, after, row = before.sizes, left.sizes, _telling_row(before, left)
+    rows = before.sizes
+    after = left.sizes
+    row = _telling_row(before, left)
     residual = f"the {row[0]}" if row[0] in PUSHES else f"the residual of {row[0]}"
     if rows[row] == math.inf:
         effect = "the motion under the commands is no number without this change"
@@ -354,22 +361,21 @@ def _has_evidence(before: Left, after: Left) -> bool:
 
 def _best_changes(
     left: Leavings, flights: Flights, start: Vehicle, before: Left
-) -> list[Tried]:
+) -> list[TriedChange]:
     """Best correction of a flight's channels, followed by an equally good correction of
     another channel, if any.
     """
-    flight, trial, cost = (
-        flights[1],
-        partial(_try_change, left, flights),
-        attrgetter("cost"),
-    )
-    attitude, every = "quaternion" in flight, [*channel_changes(flight, start)]
+    flight = flights[1]
+    trial = partial(_try_change, left, flights)
+    cost = attrgetter("cost")
+    attitude = "quaternion" in flight
+    every = [*channel_changes(flight, start)]
     bad = {name for (name, _), size in before.sizes.items() if size >= ALARM} or {
         name for name, _ in before.sizes
     }
     how = QUICK if bad - {*PUSHES} else SOON
     hopeful = HOPEFUL * (left.rows(flight, *how) or before).cost()
-    tried, again, finals = list[Tried](), list[Tried](), list[Tried]()
+    tried, again, finals = list[TriedChange](), list[TriedChange](), list[TriedChange]()
     # units, signs and exchanges first, channels that are left out last
     for change in sorted(every, key=attrgetter("price")):
         # nothing but an attitude tells a wrong rate from what it would push
@@ -458,11 +464,11 @@ def _is_certain(change: ChannelChange, flight: FlightData) -> bool:
     return change.channel == "gyro" and change.is_unit and _beyond_range(flight)
 
 
-def _each_best(tried: Sequence[Tried]) -> list[Tried]:
+def _each_best(tried: Sequence[TriedChange]) -> list[TriedChange]:
     """Each tried correction of a log at the size that leaves the least error; the best
     correction first.
     """
-    best = dict[ChannelChange, Tried]()
+    best = dict[ChannelChange, TriedChange]()
     for each in sorted(tried, key=attrgetter("cost")):
         best.setdefault(each.change, each)
     return [*best.values()]
@@ -474,7 +480,7 @@ def _try_change(
     change: ChannelChange,
     amount: float,
     how: tuple[int, int],
-) -> list[Tried]:
+) -> list[TriedChange]:
     """Try a correction of a given amount; empty if the corrected flight cannot be
     simulated.
     """
@@ -488,7 +494,7 @@ def _try_change(
     )
     leavings = None if _beyond_range(changed) else left.rows(changed, *how)
     return (
-        [Tried(leavings.cost() + change.price, change, amount, leavings)]
+        [TriedChange(leavings.cost() + change.price, change, amount, leavings)]
         if leavings
         else []
     )
@@ -536,10 +542,8 @@ class Leavings:
     """
 
     def __init__(self, start: Vehicle) -> None:
-        self._start, self._plants = (
-            without_tilts(start),
-            dict[tuple[object, ...], WindowErrors](),
-        )
+        self._start = without_tilts(start)
+        self._plants = dict[tuple[object, ...], WindowErrors]()
 
     def rows(self, flight: FlightData, most: int, turns: int) -> Left | None:
         """Relative residuals after some iterations of a fit to some windows of a
@@ -553,6 +557,7 @@ class Leavings:
             return None
         try:
             step = clock_step([flight], self._start)
+            # a first search only ranks changes, so longer steps do
             step *= 1 if most >= LAST[0] else max(1, math.floor(COARSE / step + 1e-6))
             driven, servoed = moved_joints([flight], self._start)
             start = with_servos(self._start, servoed)
@@ -574,6 +579,7 @@ class Leavings:
             )
             every += unknowns_of_sensors([flight])
             kind = (round(step, 9), *driven, *servoed, *(each.name for each in every))
+            # flights with the same unknowns and step fly on one compiled plant
             if kind in self._plants:
                 errors = self._plants[kind].over(windows)
             else:
@@ -581,6 +587,7 @@ class Leavings:
                     windows, start, every, {}, driven, servoed, flight.gravity
                 )
                 self._plants[kind] = errors
+        # a change may leave a flight that no window fits: it is no candidate then
         except (ValueError, np.linalg.LinAlgError):
             return None
         adrift = Left(dict.fromkeys(errors.rows, math.inf))
@@ -605,7 +612,8 @@ class Leavings:
             strict=True,
         )
         for (name, column), noise, white in rows:
-            channel, square = flight[name], white**2
+            channel = flight[name]
+            square = white**2
             # no log tells whether a sample is a mean, or when within its period it is
             if name == "accelerometer":
                 change = 1.4826 * float(

@@ -37,7 +37,8 @@ def nominal_model(
         ValueError: one line: neither a vehicle nor a log that holds its scenario.
     """
     if vehicle is not None:
-        return load_vehicle(vehicle), GRAVITY if gravity is None else gravity
+        flown = float(log.info.get("plant_gravity", GRAVITY))
+        return load_vehicle(vehicle), flown if gravity is None else gravity
     if not log.info.get("scenario_record"):
         raise ValueError(
             "--vehicle: is missing; the log does not say which vehicle flew (with"
@@ -55,6 +56,7 @@ def _solid(vehicle: Vehicle) -> Vehicle:
     def whole(body: Body) -> Body:
         if not body.planar:
             return body
+        # a planar law's model has one moment of inertia, and no body to be flown
         most = max(float(getattr(body.inertia, axis)) for axis in ("xx", "yy", "zz"))
         return replace(body, inertia=Sym3(most, most, most), planar=False)
 

@@ -135,6 +135,7 @@ def _faults(flight: FlightData, start: Vehicle) -> Iterator[Found]:
         )
     for check in (_lost_rows, _spikes, _missing, _sizes):
         yield from (faults := list(check(flight, start)))
+        # a channel that is missing or in another unit would alarm all checks behind it
         if check is not _lost_rows and any(
             severity == REFUSED for severity, *_ in faults
         ):
@@ -213,6 +214,7 @@ def _missing(flight: FlightData, start: Vehicle) -> Iterator[Found]:
     """Yield the channels that are missing, or whose number of columns does not match
     the vehicle.
     """
+    # speeds before signals, in the order in which commands are read
     commands = [name for name in COMMANDS[::-1] if name in flight][:1]
     required = dict.fromkeys(IMU, ("is", "log it, or map its columns"))
     if flight.facts.get("vehicle") == SIMULATED:
@@ -289,6 +291,7 @@ def _sizes(flight: FlightData, start: Vehicle) -> Iterator[Found]:
             continue
         values = np.abs(flight[name].values)
         if "joint" in name:
+            # of turning joints alone, because a sliding one has no degrees
             size = float(np.quantile(values[:, turns], 0.95)) if any(turns) else 0.0
         else:
             size = float(
@@ -376,11 +379,10 @@ def _ground(
     """Yield a fault if a flight never took off, was too short, or its commanded thrust
     does not match the weight.
     """
-    name, weight = (
-        (COMMANDS[1] if COMMANDS[1] in flight else COMMANDS[0]),
-        GRAVITY * float(start.mass),
-    )
-    speeds, gyro = commanded_speeds(flight, start), flight["gyro"]
+    name = COMMANDS[1] if COMMANDS[1] in flight else COMMANDS[0]
+    weight = GRAVITY * float(start.mass)
+    speeds = commanded_speeds(flight, start)
+    gyro = flight["gyro"]
     rows = (
         np.concatenate([speeds.section(*each).values for each in spans])
         if spans
@@ -398,6 +400,7 @@ def _ground(
         "position" in flight
         and float(np.ptp(flight["position"].values, axis=0).max()) < RESTING
     )
+    # a calm flight rests like one on the ground, but for its climb
     climbed = (
         "position" in flight
         and float(np.ptp(flight["position"].values[:, 2])) > CLIMBED
@@ -423,6 +426,7 @@ def _ground(
             f"lift {share:.3g} times the weight of '{start.name}'"
             f" ({float(start.mass):.3g} kg) in the air"
         )
+        # thrust goes with the square of the speed, and so with that of its unit
         looks = [
             unit for unit, scale in SPEED_UNITS.items() if 0.6 < share / scale**2 < 1.6
         ]
@@ -454,7 +458,9 @@ def channel_gaps(name: str, channel: Channel) -> list[tuple[float, float]]:
     """Gaps between the samples of a channel: start and length (s)."""
     if channel.time.size < FEWEST_SAMPLES:
         return []
-    steps, is_held = np.diff(channel.time), QUANTITIES[name].held
+    steps = np.diff(channel.time)
+    is_held = QUANTITIES[name].held
+    # a command stays until the next one, so its rows may be farther apart
     most = max(
         HELD_GAP if is_held else SENSOR_GAP,
         (20.0 if is_held else 5.0) * float(np.median(steps)),
@@ -498,6 +504,7 @@ def _gaps(flight: FlightData, inside: FlightData) -> Iterator[Found]:
                     f" {1.0 / usual:.4g} Hz"
                 )
                 yield WARNED, name, finding, "log fewer channels, or at a lower rate"
+        # gaps of all channels at once are the clock's, and one line above
         if alone := [each for each in rows if not all_begin(each[0], every)]:
             when, long = max(alone, key=lambda each: each[1])
             count = f"{len(alone)} gaps, the longest" if len(alone) > 1 else "a gap"
@@ -567,6 +574,7 @@ def _still(name: str, channel: Channel, aloft: Mask) -> Iterator[Found]:
     """Yield a fault if a channel freezes in flight, holds repeated or interpolated
     samples, or saturates.
     """
+    # commands may rest, so they have limits of their own
     command = name in (*COMMANDS, "joint_efforts")
     if not (command or name in NEVER_STILL) or channel.time.size < (
         FEWEST_SAMPLES if command else MANY
@@ -574,6 +582,8 @@ def _still(name: str, channel: Channel, aloft: Mask) -> Iterator[Found]:
         return
     same = (channel.values[1:] == channel.values[:-1]) & aloft[:, None]
     whole = same.all(axis=1)
+    # an arm at rest on a coarse encoder repeats one value, too: only a frozen one jumps
+    # when it comes back
     if name == "joint_positions":
         whole &= ~_rests(channel, whole)
     share = float(whole.sum()) / max(1, int(aloft.sum()))
@@ -639,10 +649,8 @@ def _rests(channel: Channel, whole: Mask) -> Mask:
     """Mask (N - 1,) of repeated rows before and after which no joint jumps: of joints
     at rest on coarse encoders.
     """
-    step, at_rest = (
-        np.abs(np.diff(channel.values, axis=0)),
-        np.zeros(whole.size, dtype=bool),
-    )
+    step = np.abs(np.diff(channel.values, axis=0))
+    at_rest = np.zeros(whole.size, dtype=bool)
     least = np.min(step, axis=0, initial=np.inf, where=step > 0.0)
     for begin, end in runs_of(whole):
         at_rest[begin:end] = np.all(

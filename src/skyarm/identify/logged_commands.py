@@ -55,6 +55,7 @@ def commanded_speeds(flight: FlightData, start: Vehicle) -> Channel:
         return flight["rotor_speed_commands"]
     share = flight["rotor_commands"]
     highest = highest_speeds(start.rotors)
+    # another number of rotors is a fault of the log, which its checks name
     if len(highest) != share.values.shape[1]:
         return share
     if not np.isfinite(highest).all():
@@ -82,6 +83,7 @@ def command_samples(commands: Channel) -> Channel:
     if _is_regular(changed):
         rows = np.concatenate([[0], changed + 1])
         return replace(commands, time=time[rows], values=values[rows])
+    # no row repeats another: the samples are where straight lines bend
     bends = np.abs(np.diff(steps, axis=0))
     most = bends.max(axis=0, initial=0.0)
     least = np.where(bends > NOUGHT * most, bends, np.inf).min(axis=0, initial=np.inf)
@@ -209,9 +211,10 @@ def flying_spans(commands: Channel, start: Vehicle) -> list[tuple[float, float]]
     step = 0.02
     time = np.arange(commands.time[0], commands.time[-1], step)
     speeds = commands.values[np.searchsorted(commands.time, time, side="right") - 1]
-    flies = _moving_mean(
-        lift(start, speeds), round(SETTLING / step) | 1
-    ) > AIRBORNE * GRAVITY * float(start.mass)
+    # | 1: an odd number of steps, so that the mean has a middle
+    width = round(SETTLING / step) | 1
+    weight = GRAVITY * float(start.mass)
+    flies = _moving_mean(lift(start, speeds), width) > AIRBORNE * weight
     spans = [
         (float(time[a]) + SETTLING, float(time[b - 1]) - SETTLING)
         for a, b in runs_of(flies)

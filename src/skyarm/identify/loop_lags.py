@@ -52,14 +52,14 @@ class Estimated:
     high: float
 
     @classmethod
-    def of(cls, value: float, half: float, *, least: float = 0.0) -> Estimated:
-        """Create an estimate with a symmetric confidence interval, cut at the least
-        possible value.
+    def of(cls, value: float, half: float) -> Estimated:
+        """Create an estimate of a time with a symmetric confidence interval, cut at 0,
+        the least possible value.
         """
         return cls(
-            value=max(least, value),
-            low=max(least, value - half),
-            high=max(least, value + half),
+            value=max(0.0, value),
+            low=max(0.0, value - half),
+            high=max(0.0, value + half),
         )
 
 
@@ -183,6 +183,7 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:
     drives = {name: MountedDrive(name=name, drive=flown[name]) for name in servos}
     drives |= {each.name: each for each in vehicle.drives}
     start = replace(without_tilts(vehicle), drives=tuple(drives.values()))
+    # a drive that takes setpoints is a loop of its own, whose lag is no torque's
     names = vehicle.joint_names
     searched = {
         name: _delay_and_lags(
@@ -225,7 +226,8 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:
                 explained=0.0,
                 reason=reason,
             )
-        return _lag(name, searched[name], *fitted, period)
+        errors, fit = fitted
+        return _lag(name, searched[name], errors, fit, period)
 
     of_rotors = lag(ROTORS)
     factor = of_rotors.up.value / believed[0], of_rotors.down.value / believed[1]
@@ -269,6 +271,7 @@ def _control_period(log: Log, vehicle: Vehicle) -> float:
     period = float(np.median(steps))
     if not period > 0.0 or np.abs(steps - period).max() > UNEVEN * period:
         raise ValueError("time: must be evenly spaced, one row a control period")
+    # the middle of two attitudes of opposite signs is near 0
     if lengths(middle(log.quaternion)).min() < 0.5:
         raise ValueError("quaternion: must be of unit length and without jumps")
     return period
@@ -278,6 +281,7 @@ def _vary(commands: Array) -> bool:
     """True if logged commands, a row per control period, vary enough to identify the
     actuators' lag.
     """
+    # of a ramp the steps are all alike: only their change shows a lag
     return bool(
         np.std(np.diff(commands, axis=0)) > STIRRING * np.sqrt(np.mean(commands**2))
     )
@@ -335,10 +339,8 @@ def _fit(
     )
     first = fit_windows(errors, np.array([each.begin for each in unknowns]))
     # the speeds of slow rotors follow from more of the past
-    slow, part = (
-        vehicle_with(start, errors.numbers(first.values)),
-        min(BLOCK, max(FIRST, flight.duration / PARTS)),
-    )
+    slow = vehicle_with(start, errors.numbers(first.values))
+    part = min(BLOCK, max(FIRST, flight.duration / PARTS))
     errors = errors.over(ClockedWindows([clocked], slow, min(WHOLE, part)))
     return errors, fit_windows(errors, first.values, noise=first.noise, block=part)
 
@@ -368,6 +370,7 @@ def _lag(
     rows[0, place] = [1.0, *(swing**2 / (len(taus) * tau) for tau in taus)]
     rows[range(1, len(rows)), place] = [1.0, *taus]
     halves = fit.half_widths(rows)
+    # errors of the model do not shrink with the number of windows, so they come on top
     halves = np.hypot(halves, INSTANT * period + SHARE * (abs(delay) + swing))
     numbers = zip((delay + swing, delay, *taus), halves.tolist(), strict=True)
     together, alone, up, *more = (Estimated.of(value, half) for value, half in numbers)
@@ -376,7 +379,8 @@ def _lag(
         [f"rate.{axis}" for axis in "xyz"] if name == ROTORS else [f"{name}.position"]
     )
     group_shares = [shares[each] for each in rates if each in shares]
-    explained, reason = sum(group_shares) / max(len(group_shares), 1), ""
+    explained = sum(group_shares) / max(len(group_shares), 1)
+    reason = ""
     if not np.isfinite(halves).all():
         reason = "the commands do not show in the motion"
     elif delay > LONGEST or max(taus) > SLOWEST:

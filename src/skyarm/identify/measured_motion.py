@@ -21,6 +21,7 @@ def joints_in_order(flight: FlightData, vehicle: Vehicle) -> FlightData:
     order = vehicle.joint_names
     changed = {}
     for name in JOINTS:
+        # a file that names other joints, or none, has them in its own order
         if name in flight and order and set(order) <= set(flight[name].names):
             channel = flight[name]
             values = channel.values[:, [channel.names.index(each) for each in order]]

@@ -77,6 +77,7 @@ class Segment:
         """Excitation signal of one axis as a table of a scenario file, in time since
         the segment's start.
         """
+        # rounded for who reads the file: a hundredth of a millimetre moves no vehicle
         sines: list[Entry] = [
             {
                 "kind": "sine",
@@ -149,10 +150,8 @@ def axes_of(vehicle: Vehicle, box: float, height: float) -> Axes:
         height: m, of its centre.
     """
     joints = [_range(joint, vehicle.n) for joint in vehicle.joints]
-    half, rest = (
-        0.5 * box,
-        np.array([0.0, 0.0, height, 0.0, *(each[0] for each in joints)]),
-    )
+    half = 0.5 * box
+    rest = np.array([0.0, 0.0, height, 0.0, *(each[0] for each in joints)])
     low = np.array(
         [-half, -half, height - half, -HEADING, *(each[1] for each in joints)]
     )
@@ -180,6 +179,7 @@ def draw_segment(axes: Axes, duration: float, draw: np.random.Generator) -> Segm
     ends = np.sort(
         slow + (fast - slow)[:, None] * draw.uniform(size=(count, 2)), axis=1
     )
+    # one sine in each part of the band, on a logarithmic scale, so that none coincide
     share = (np.arange(SINES) + draw.uniform(size=(count, SINES))) / SINES
     frequencies = np.exp(ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * share)
     steepness = STEEPEST * draw.uniform(size=(count, 1))
@@ -194,6 +194,7 @@ def draw_segment(axes: Axes, duration: float, draw: np.random.Generator) -> Segm
     room = 0.5 * (axes.high - axes.low)
     size = room * draw.uniform(0.1, 1.0, size=count)
     offsets = middle + (room - size) * draw.uniform(-1.0, 1.0, size=count)
+    # the base swings about its rest, as the box lies about that
     offsets[:BASE_AXES] = 0.0
     return within(replace(segment, offsets=offsets), axes, size)
 
@@ -203,6 +204,7 @@ def mutate_segment(segment: Segment, axes: Axes, draw: np.random.Generator) -> S
     little.
     """
     other = draw_segment(axes, segment.duration, draw)
+    # two axes are drawn anew on the mean, and the others keep what was good in them
     anew = draw.uniform(size=len(axes.rest)) < 2.0 / len(axes.rest)
     scaled = segment.scale(draw.uniform(0.85, 1.3, size=len(axes.rest)))
     mutated = replace(
@@ -219,6 +221,7 @@ def within(segment: Segment, axes: Axes, size: Array | None) -> Segment:
     """Scale a multisine segment to given amplitudes (axes,), if any, and into the
     ranges of all axes.
     """
+    # twenty instants in a period of the fastest sine
     times = np.arange(0.0, segment.duration, 0.02)
     sines = (
         2.0 * math.pi * segment.frequencies[:, :, None] * times
@@ -235,6 +238,7 @@ def within(segment: Segment, axes: Axes, size: Array | None) -> Segment:
     # rests, in this and in what follows it
     offsets = np.clip(segment.offsets, axes.low - axes.rest, axes.high - axes.rest)
     room = np.minimum(axes.high - axes.rest - offsets, offsets + axes.rest - axes.low)
+    # the divisor may be 0: an axis at rest has no peak
     factor = np.minimum(factor, np.maximum(room, 0.0) / np.maximum(peak, 1e-300))
     return replace(
         segment, amplitudes=segment.amplitudes * factor[:, None], offsets=offsets

@@ -82,12 +82,7 @@ class BaseStates:
 
     def at(self, rows: IntArray) -> BaseStates:
         """States of the base at selected instants."""
-        return BaseStates(
-            self.position[rows],
-            self.quaternion[rows],
-            self.velocity[rows],
-            self.rate[rows],
-        )
+        return BaseStates(*(getattr(self, name)[rows] for name in FIELDS))
 
     def at_even_rates(self, seconds: float) -> BaseStates:
         """States of the base extrapolated by some time (s) with constant velocity and
@@ -147,8 +142,10 @@ def measured_states(
             if has_position
             else integral_of(time, velocity)
         )
-    gyro, bias = flight["gyro"], np.array(about.gyro_bias)
+    gyro = flight["gyro"]
+    bias = np.array(about.gyro_bias)
     rate = measured_at(gyro, time, max(clocked.step, AVERAGED)) - bias
+    # a prediction begins with what was known then: the past alone
     rate_before = values_at(smooth_motion(gyro, TURN, 2, past=True)[0], time) - bias
     motion = np.zeros((3, clocked.size, 0))
     if joints:
@@ -196,6 +193,7 @@ def slopes_of(
     powers = np.vander(
         np.arange(-before, after + 1, dtype=float), degree + 1, increasing=True
     )
+    # odd reflection goes on with value and slope beyond both ends
     longer = np.pad(rows, ((before, after), (0, 0)), mode="reflect", reflect_type="odd")
     value, slope = (
         np.stack(
@@ -226,6 +224,8 @@ def smooth_motion(
     least = degree if past else degree // 2
     size = max(least, round(seconds * measured.rate / (1 if past else 2)))
     bends = np.median(np.abs(np.diff(measured.values, degree + 1, axis=0)), axis=0)
+    # of white noise the variance of a difference grows by the sum of squared binomial
+    # coefficients
     noise = 1.4826 * bends / math.sqrt(math.comb(2 * degree + 2, degree + 1))
     while True:
         value, slope = slopes_of(measured, size, 0 if past else size, degree)
@@ -272,8 +272,8 @@ class OpenLoopPredictor:
             replace(each, name=f"{i}: {each.name}") for i, each in enumerate(clocked)
         ]
         every = [
-            measured_states(*each, about, vehicle.n)
-            for each in zip(flights, clocked, strict=True)
+            measured_states(flight, clock, about, vehicle.n)
+            for flight, clock in zip(flights, clocked, strict=True)
         ]
         self.measured, self.known = (
             BaseStates(
@@ -315,6 +315,7 @@ class OpenLoopPredictor:
     def left(self, windows: ClockedWindows) -> IntArray:
         """Numbers (W,) of consecutive usable steps from the starts of windows."""
         bad = np.concatenate([~each.usable for each in self.flights])
+        # a window also ends with its flight
         ends = np.union1d(np.flatnonzero(bad), windows.firsts[1:])
         return np.asarray(ends[np.searchsorted(ends, windows.begins)] - windows.begins)
 
@@ -342,12 +343,11 @@ class OpenLoopPredictor:
             pushes: s, after the begins -> (W, 6) force (N) and torque (N m) that the
                 commands do not explain, base axes; none by default.
         """
-        lanes, step = errors.lanes(NONE, window_states(begins)), errors.windows.step
-        inputs, own_torque, k = (
-            lanes.flights.inputs,
-            lanes.flights.inputs["torque"].copy(),
-            0,
-        )
+        lanes = errors.lanes(NONE, window_states(begins))
+        step = errors.windows.step
+        inputs = lanes.flights.inputs
+        own_torque = lanes.flights.inputs["torque"].copy()
+        k = 0
         try:
             while True:
                 yield BaseStates(
@@ -359,6 +359,7 @@ class OpenLoopPredictor:
                 lanes.advance(k)
                 k += 1
         finally:
+            # threads of the lanes end with whoever stops reading
             lanes.close()
 
 
@@ -462,7 +463,8 @@ class OpenLoopFlight:
         loop, step = self._loop, self._clocked.step
         steps = max(1, round(horizon / step))
         errors = loop.windows([places_of(self._clocked, self._vehicle, steps)])
-        windows, begins = errors.windows, loop.begins(errors.windows)
+        windows = errors.windows
+        begins = loop.begins(errors.windows)
         flown = list(islice(loop.ahead(errors, begins), steps + 1))
         still = [begins.at_even_rates(k * step) for k in range(steps + 1)]
         # the last one ends with its part

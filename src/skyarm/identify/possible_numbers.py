@@ -101,7 +101,8 @@ def require_possible_numbers(
     Raises:
         ValueError: one line: the number, its value and what is allowed.
     """
-    base, mass = start.base, float(start.mass)
+    base = start.base
+    mass = float(start.mass)
     moments = [float(getattr(base.inertia, axis)) for axis in ("xx", "yy", "zz")]
     places = [base.com, *(each.position for each in start.rotors)]
     size = max(
@@ -109,23 +110,24 @@ def require_possible_numbers(
         *(math.hypot(*map(float, each)) for each in places),
     )
     longest = float(time_constants(start.rotors).max(initial=SHORTEST_FLIGHT))
+    # the factor at which found numbers are doubted bounds given ones, too
     for name, value in known.items():
         if name.startswith("base.inertia."):
-            most, unit, why = (
-                FAR_OFF * mass * size**2,
-                "kg m^2",
-                f"{FAR_OFF:g} times the mass times the square of {size:.3g} m",
-            )
+            most = FAR_OFF * mass * size**2
+            unit = "kg m^2"
+            why = f"{FAR_OFF:g} times the mass times the square of {size:.3g} m"
         elif name.startswith(LENGTHS):
-            most, unit, why = (
-                FAR_OFF * size,
-                "m",
-                f"{FAR_OFF:g} times the vehicle's size, {size:.3g} m",
-            )
+            most = FAR_OFF * size
+            unit = "m"
+            why = f"{FAR_OFF:g} times the vehicle's size, {size:.3g} m"
         elif name in TIMES or name.endswith(".latency"):
-            most, unit, why = longest, "s", "the shortest flight that counts"
+            most = longest
+            unit = "s"
+            why = "the shortest flight that counts"
         elif name.startswith("links.") and name.endswith(".mass"):
-            most, unit, why = mass, "kg", "the total mass"
+            most = mass
+            unit = "kg"
+            why = "the total mass"
         else:
             continue
         if abs(value) > most:
@@ -216,6 +218,7 @@ def _far_numbers(identified: Identified) -> Iterator[Found]:
                     finding,
                     "check the channels' units, and mass and numbers of the vehicle",
                 )
+    # a mass scales them all alike, so it is looked for in their ratios' logarithms
     logs = np.log([ratios[name] for name in FIRM_NUMBERS if name in ratios])
     # one number that is far off is no mass
     alike = (
@@ -243,7 +246,9 @@ def _by_geometry(identified: Identified, start: Vehicle) -> Iterator[Found]:
     arm = max(math.hypot(*map(float, each.position)) for each in start.rotors)
     numbers = {each.name: each for each in identified.numbers if each.is_known}
     for name in (name for name in numbers if name.startswith("base.com.")):
-        each, off = numbers[name], abs(numbers[name].value - numbers[name].start)
+        each = numbers[name]
+        off = abs(numbers[name].value - numbers[name].start)
+        # an interval that holds the start says nothing against it
         if off > ASIDE * arm and not each.low <= each.start <= each.high:
             finding = (
                 f"is {1e3 * each.value:.3g} mm, {off / arm:.2g} of the rotors' distance"
@@ -297,6 +302,7 @@ def _beyond_commands(
     full = float(start.rotors[0].max_speed)
     if not any(each.name == FULL and each.is_known for each in identified.numbers):
         return
+    # a quantile, because a single row may be a spike
     every = [commanded_speeds(each, start).values for each in flights]
     most = max((float(np.quantile(each, 0.999)) for each in every), default=full) / full
     if most < HIGHEST:

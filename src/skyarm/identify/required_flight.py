@@ -11,7 +11,7 @@ allocation of thrust and torques the rotors' speeds. Air drag is left out.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 
@@ -128,7 +128,8 @@ def required_flight(vehicle: Vehicle, motion: Array, period: float) -> RequiredF
         period: s, between its instants.
     """
     value, first, second = motion
-    n, size = vehicle.n, motion.shape[2]
+    n = vehicle.n
+    size = motion.shape[2]
     q, qd, qdd = (tuple(each[BASE_AXES:]) for each in (value, first, second))
     zero, one = np.zeros(size), np.ones(size)
     still = State(
@@ -162,6 +163,7 @@ def required_flight(vehicle: Vehicle, motion: Array, period: float) -> RequiredF
     resisting = [
         friction(joint, x, x) for joint, x in zip(vehicle.joints, qd, strict=True)
     ]
+    # rotors push one way: below 0 the design counts the rotor as too slow
     pushes = np.maximum(shares.sum(axis=0), 0.0)
     return RequiredFlight(
         period=period,
@@ -188,6 +190,7 @@ def _smooth(rows: Array, period: float) -> Array:
     ends.
     """
     half = max(1, round(0.5 * BLUR / period))
+    # the window's ends are 0 and would widen it by nothing
     window = np.hanning(2 * half + 3)[1:-1]
     padded = np.concatenate(
         [np.repeat(rows[:1], half, axis=0), rows, np.repeat(rows[-1:], half, axis=0)]
@@ -229,10 +232,8 @@ def arm_clearance(vehicle: Vehicle, joints: Array) -> tuple[Array, Array]:
     radius = _radius(hubs)
     for each in points:
         at = stack_values(size, each).T
-        distance, height = (
-            np.minimum(distance, lengths(at)),
-            np.minimum(height, at[:, 2]),
-        )
+        distance = np.minimum(distance, lengths(at))
+        height = np.minimum(height, at[:, 2])
         for hub, axis in zip(hubs, axes, strict=True):
             off = at - hub
             along = off @ axis
@@ -247,10 +248,6 @@ def _radius(hubs: Array) -> float:
     """Half of the least distance between rotor hubs (rotors, 3) that do not share an
     axis, m.
     """
-    apart: Sequence[float] = [
-        norm(a - b)
-        for i, a in enumerate(hubs)
-        for b in hubs[:i]
-        if np.hypot(*(a - b)[:2]) > 1e-3
-    ]
+    offsets = [a - b for a, b in combinations(hubs, 2)]
+    apart = [norm(each) for each in offsets if np.hypot(*each[:2]) > 1e-3]
     return 0.5 * min(apart, default=0.0)

@@ -86,7 +86,8 @@ def explained_rotation(
     Both are means over about the period (s) of the commands; the start vehicle's
     inertia and lag do not matter.
     """
-    samples, gyro = command_samples(commanded_speeds(flight, start)), flight["gyro"]
+    samples = command_samples(commanded_speeds(flight, start))
+    gyro = flight["gyro"]
     grid = np.arange(samples.time[0], samples.time[-1], GRID)
     pairs = zip(start.rotors, values_at(samples, grid).T, strict=True)
     pushes = np.stack(
@@ -105,11 +106,15 @@ def explained_rotation(
         inside & (grid > gyro.time[0] + period) & (grid < gyro.time[-1] - period)
     ]
     if time.size < FEWEST:
+        # too short to judge: nothing is accused
         return 1.0
     mean = means_of(gyro.time, gyro.values[:, :2])
+    # rates half a period on each side, so that their difference is the mean
+    # acceleration
     turned = mean(time + 0.5 * period, time + period) - mean(
         time - period, time - 0.5 * period
     )
+    # delay and lag are not known, so the best shift counts
     best = 0.0
     for late in np.arange(0.0, LATEST, 0.5 * GRID):
         both = np.hstack([turned, columns_at(time - late, grid, torques)])
@@ -117,9 +122,7 @@ def explained_rotation(
             related = doubles(np.nan_to_num(np.corrcoef(both.T)))
         # a gyroscope whose axes are exchanged, or turned about z, is a fault of its
         # own, which is looked for later
-        exchanged, behind = (
-            min(abs(related[0, 3]), abs(related[1, 2])),
-            min(-related[0, 2], -related[1, 3]),
-        )
+        exchanged = min(abs(related[0, 3]), abs(related[1, 2]))
+        behind = min(-related[0, 2], -related[1, 3])
         best = max(best, related[0, 2], related[1, 3], exchanged, behind)
     return float(best) ** 2

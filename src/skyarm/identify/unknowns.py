@@ -177,8 +177,11 @@ def unknowns_of(
         unknowns += _of_link(link, moves)
     for i, moves in enumerate(servoed):
         unknowns += _of_servo(vehicle, i) if moves else []
+    # a positive number that starts at 0 has no logarithm to search
     unknowns = [each for each in unknowns if not each.positive or each.start > 0.0]
     around = _of_surroundings(arm, GRAVITY * float(vehicle.mass), voltage, any(driven))
+    # servos that average a setpoint over its period, and those that obey at once,
+    # differ by 0.6 ms of dead time; the share is searched so that intervals cover both
     around += [_any("setpoint_hold", "", 0.5, 0.5)] if any(servoed) else []
     around += (
         []
@@ -236,8 +239,11 @@ def _of_rotors(vehicle: Vehicle, curve: bool) -> list[Unknown]:
 
 
 def _of_drag(vehicle: Vehicle, arm: float) -> list[Unknown]:
-    rotor, count, mass = vehicle.rotors[0], len(vehicle.rotors), float(vehicle.mass)
+    rotor = vehicle.rotors[0]
+    count = len(vehicle.rotors)
+    mass = float(vehicle.mass)
     at_hover = math.sqrt(GRAVITY * mass / (count * float(rotor.thrust_coefficient)))
+    # a start without hub drag must leave room for some
     hub = max(WIND * mass / (count * at_hover), float(rotor.drag_coefficient))
     unknowns = [
         _any(
@@ -254,20 +260,21 @@ def _of_drag(vehicle: Vehicle, arm: float) -> list[Unknown]:
 
 def _of_link(link: Link, moves: bool) -> list[Unknown]:
     name, body, joint = f"links.{link.name}", link.body, link.joint
+    # a centre of mass on the joint has no distance that could be a scale
     reach = max(math.hypot(*map(float, body.com)), 0.01)
     unknowns = [_above(f"{name}.mass", "kg", body.mass, 0.3)]
     unknowns += [
         _any(f"{name}.com.{axis}", "m", getattr(body.com, axis), 0.2 * reach)
         for axis in "xyz"
     ]
+    # no multiple of an inertia that is 0 is another one
     if any(float(getattr(body.inertia, each.name)) for each in fields(Sym3)):
         unknowns.append(_above(f"{name}.inertia", "times", 1.0, 0.4))
     if moves:
-        (angle, unit), weight = (
-            joint.units,
-            GRAVITY * float(body.mass) * (reach if joint.turns else 1.0),
-        )
-        dry, swing = DRY * weight, math.sqrt(9.81 / reach) if joint.turns else 1.0
+        angle, unit = joint.units
+        weight = GRAVITY * float(body.mass) * (reach if joint.turns else 1.0)
+        dry = DRY * weight
+        swing = math.sqrt(9.81 / reach) if joint.turns else 1.0
         unknowns += [
             _loss(
                 f"{name}.joint.damping", f"{unit} s/{angle}", joint.damping, dry / swing
@@ -300,7 +307,8 @@ def _of_servo(vehicle: Vehicle, joint: int) -> list[Unknown]:
     """Unknown parameters of a position servo, whose damping includes that of the
     joint.
     """
-    servo, link = servo_of(vehicle, joint), vehicle.links[joint]
+    servo = servo_of(vehicle, joint)
+    link = vehicle.links[joint]
     assert servo is not None
     name, (angle, effort) = f"drives.{link.joint.name}", link.joint.units
     # sticking within a hundredth of a radian is much for a servo that has none on
@@ -362,11 +370,15 @@ def require_searched(known: Mapping[str, float], every: Sequence[Unknown]) -> No
     positive = {each.name: each.positive for each in every}
     for name, value in known.items():
         if name not in positive:
-            words = {
+            stated = {
                 f"base.second_moment.{axis}": f"base.inertia.{axis}{axis}"
                 for axis in "xyz"
             }
-            allowed = ["mass", "voltage", *(words.get(each, each) for each in positive)]
+            allowed = [
+                "mass",
+                "voltage",
+                *(stated.get(each, each) for each in positive),
+            ]
             raise ValueError(f"known.{name}: {must_be_one_of(allowed, name)}")
         number(
             value,
@@ -413,6 +425,7 @@ def second_moments(base: Body) -> tuple[float, float, float]:
     two are moments of inertia.
     """
     xx, yy, zz = (float(getattr(base.inertia, axis)) for axis in ("xx", "yy", "zz"))
+    # a flat body has a moment of 0 along its normal, which has no logarithm
     least = max(0.01 * (xx + yy + zz), 1e-12)
     x, y, z = second_moments_of(xx, yy, zz)
     return max(x, least), max(y, least), max(z, least)

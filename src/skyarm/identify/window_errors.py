@@ -134,7 +134,8 @@ class WindowStates:
         """Initial states, wrenches and efforts of W windows after a change (W, x) of
         the x unknowns of each.
         """
-        parts, first = dict[str, Array](), 0
+        parts = dict[str, Array]()
+        first = 0
         for name, rows in self.parts.items():
             size = 3 if name == "quaternion" else rows.shape[1]
             move = change[:, first : first + size]
@@ -222,7 +223,9 @@ class WindowErrors:
         given: Array | None = None,
     ) -> None:
         self.given, self._gravity = given, gravity
-        self.start, self.unknowns, self.known = start, list(unknowns), dict(known)
+        self.start = start
+        self.unknowns = list(unknowns)
+        self.known = dict(known)
         self.driven, self.servoed = list(driven), list(servoed)
         self.names = [each.name for each in unknowns]
         self._positive = np.array([each.positive for each in unknowns])
@@ -238,15 +241,11 @@ class WindowErrors:
         """Set the windows to simulate, with their samples and unknown states."""
         start, driven, servoed = self.start, self.driven, self.servoed
         self.windows = windows
-        self.samples, self.taken, self._placed = (
-            self._samples({}),
-            dict[str, float](),
-            1,
-        )
-        n, servos = (
-            start.n if self.given is None else 0,
-            [servo_of(start, i) for i in range(start.n) if servoed[i]],
-        )
+        self.samples = self._samples({})
+        self.taken = dict[str, float]()
+        self._placed = 1
+        n = start.n if self.given is None else 0
+        servos = [servo_of(start, i) for i in range(start.n) if servoed[i]]
         self.rows = [
             (name, i)
             for name in self.samples
@@ -284,11 +283,13 @@ class WindowErrors:
         periods = [
             0.0 if each is None else 1.0 / (each.rate * windows.step) for each in felt
         ]
+        # an accelerometer that is slower than the clock gives means over its period
         self.averaged: IntArray = np.array([max(1, round(each)) for each in periods])
         weight = self._gravity * float(start.mass)
         arm = max(
             math.hypot(float(r.position.x), float(r.position.y)) for r in start.rotors
         )
+        # a wrench scales with the vehicle: weight, and weight at the rotors' distance
         self.push = weight * np.array([PUSH] * 3 + [TWIST * arm] * 3)
         carried = [
             CARRIED * weight * (arm if joint.turns else 1.0) for joint in start.joints
@@ -307,6 +308,7 @@ class WindowErrors:
             name: value for name, value in self.known.items() if name not in inside
         }
 
+        # unchecked, because a search passes through what no vehicle is
         def vehicle_of(given: Numbers) -> Vehicle:
             return vehicle_with(start, {**fixed, **given})
 
@@ -341,6 +343,8 @@ class WindowErrors:
                     for a, b in zip(before.quaternion, after.quaternion, strict=True)
                 )
             )
+            # the mean over the step, as a sensor averages; gravity is what the base
+            # does not feel
             gained = (velocity(after) - velocity(before)) * (1.0 / step) + Vec3(
                 0.0, 0.0, gravity
             )
@@ -435,6 +439,7 @@ class WindowErrors:
         """Residuals of other windows with the same clock step, on the same compiled
         plant.
         """
+        # the compiled plant is shared, as windows are no part of it
         errors = copy.copy(self)
         errors._take_windows(windows)
         return errors
@@ -510,24 +515,21 @@ class WindowErrors:
         memory (flights, sensor axes), s, so does what it is beyond that which it keeps
         of the one before.
         """
-        windows, x, size = (
-            self.windows,
-            len(self.free),
-            len(self.free) + len(self.names) + 1,
-        )
+        windows = self.windows
+        x = len(self.free)
+        size = len(self.free) + len(self.names) + 1
         directions = self._directions()
-        columns, steps = (
-            [place for place, _ in directions],
-            np.array([step for _, step in directions])[:, None],
-        )
-        (errors, there), count, m = self._nothing(), windows.count, len(self.rows)
+        columns = [place for place, _ in directions]
+        steps = np.array([step for _, step in directions])[:, None]
+        errors, there = self._nothing()
+        count = windows.count
+        m = len(self.rows)
         sums, of_rows = np.zeros((count, size - x, size)), np.zeros((m, count, x, x))
-        block, filled, scale = (
-            np.zeros((count, CHUNK, m, size)),
-            0,
-            1.0 / noise[windows.owners],
-        )
-        last, before = -1, np.zeros((count, m, size))
+        block = np.zeros((count, CHUNK, m, size))
+        filled = 0
+        scale = 1.0 / noise[windows.owners]
+        last = -1
+        before = np.zeros((count, m, size))
         counts = np.stack(
             [self._counts(name, slice(None)) for name, _ in self.rows], axis=2
         )
@@ -556,10 +558,12 @@ class WindowErrors:
             self._known_slopes(part, name, slope)
             part[:, :, -1] = error[:, 0].T
             if shares is not None:
-                now, share = part.copy(), shares[k, :, rows, None]
+                now = part.copy()
+                share = shares[k, :, rows, None]
                 part[:] = (now - share * before[:, rows]) / np.sqrt(1.0 - share**2)
                 before[has, rows] = now[has]
             size_of = np.abs(part[:, :, -1]) * scale[:, rows]
+            # the root of Huber's weight, since the equations are made of squares
             part *= (
                 np.sqrt(np.minimum(1.0, outlier / np.maximum(size_of, 1e-300)))
                 * scale[:, rows]
@@ -593,7 +597,8 @@ class WindowErrors:
         (steps, W) for a slice of steps.
         """
         steps = np.arange(self.windows.length)[:, None][k]
-        samples, at = self.samples[name], self.windows.begins + steps
+        samples = self.samples[name]
+        at = self.windows.begins + steps
         there: Mask = samples.there[at]
         # a mean over a sample's period that begins before the window is not flown
         if name == "accelerometer":
@@ -610,9 +615,11 @@ class WindowErrors:
             SMALL * (self.push[column] if name == "wrench" else 1.0)
             for name, column in self.free
         ]
+        # the motion does not depend on where it is: the slope of a position is known
         directions = [
             (i, size) for i, size in enumerate(sizes) if self.free[i][0] != "position"
         ]
+        # these act on readings alone, or as the wrench does, whose slopes are at hand
         without = (*BIAS.values(), TRIM, *DELAY.values())
         for j, each in enumerate(self.unknowns):
             if not each.name.startswith(without):
@@ -629,6 +636,7 @@ class WindowErrors:
         residuals.
         """
         x = len(self.free)
+        # a shift of the start shifts all positions alike
         if name == "position":
             part[:, range(3), range(3)] = -1.0
         for j, number in enumerate(self.names, x):
@@ -637,6 +645,7 @@ class WindowErrors:
             elif number == DELAY.get(name):
                 part[:, :, j] = slope.T
             elif number.startswith(TRIM):
+                # a constant torque acts as the window's own does
                 part[:, :, j] = part[:, :, self.wrench[3 + "xyz".index(number[-1])]]
 
     def _readings(
@@ -647,7 +656,8 @@ class WindowErrors:
 
         Errors are (columns, 1 + directions, W), slopes (columns, W) per second.
         """
-        lanes, step = self.lanes(searched, states, directions), self.windows.step
+        lanes = self.lanes(searched, states, directions)
+        step = self.windows.step
         numbers = self.numbers(searched)
         late = {
             name: numbers.get(DELAY.get(name, ""), 0.0) - self.taken.get(name, 0.0)
@@ -667,6 +677,8 @@ class WindowErrors:
                 now["accelerometer"][..., own] = np.mean(
                     [each[..., own] for each in forces[-count:]], axis=0
                 )
+            # a mean force has no value before the first step, so nothing is
+            # interpolated
             if not k:
                 before["accelerometer"] = now["accelerometer"]
             for name, samples in self.samples.items():
@@ -716,6 +728,7 @@ def _error(
         step: s.
     """
     share, measured = samples.share[at], samples.values[at].T[:, None]
+    # of samples at the ends of steps nothing is interpolated
     whole = (share[samples.there[at]] > 1.0 - 1e-9).all()
     flown = now if whole else before + share * (now - before)
     if name != "quaternion":
@@ -759,7 +772,8 @@ class WindowLanes:
             {name: np.tile(rows, (every, 1)) for name, rows in states.parts.items()},
             np.tile(states.beside, (every, 1)),
         ).moved_by(np.repeat(changes, count, axis=0))
-        self._shape, self._numbers = (-1, every, count), errors.values(candidates)
+        self._shape = (-1, every, count)
+        self._numbers = errors.values(candidates)
         self.flights: ReplayedFlights = replay.flights(every * count, cores())
         inside = [errors.names.index(name) for name in replay.names]
         self.flights.inputs["numbers"][:] = np.repeat(
@@ -769,6 +783,7 @@ class WindowLanes:
             if name != "integrals" and rows.size:
                 self.flights.state[name][:] = rows.T
             elif errors.integrals:
+                # a servo's memory is its goal, its integral and its rounding
                 self.flights.memories[[3 * j + 1 for j in errors.integrals]] = rows.T
         trim = np.stack([self._number(f"{TRIM}{axis}") for axis in "xyz"])
         self.flights.inputs["force"][:] = moved.beside[:, :3].T
@@ -790,15 +805,14 @@ class WindowLanes:
         """Prepare the commands of all candidates, and the states of rotors and servos
         at the starts of the windows.
         """
-        windows, errors, start, delays = (
-            self._windows,
-            self._errors,
-            self._errors.start,
-            self._number("delay"),
-        )
+        windows = self._windows
+        errors = self._errors
+        start = self._errors.start
+        delays = self._number("delay")
+        # commands are put on the clock once for each delay, not for each lane
         keys, which = _distinct(delays)
         speeds = [windows.commands("speeds", *key) for key in keys]
-        self._speeds = _stack_commands(speeds), which
+        self._speeds = Held.join(speeds, np.stack), which
         ways = ("rotors.time_constant_up", "rotors.time_constant_down")
         indices = np.arange(len(keys), dtype=float)[which]
         # below 0 where it is the start's: rows with NaN would all be distinct
@@ -819,25 +833,25 @@ class WindowLanes:
         shares = [self._number(f"{THRUST}{each.name}", 1.0) for each in windows.flights]
         keys, which = _distinct(self._number("sag"), self._number("drift"), *shares)
         self._thrust = np.stack([windows.thrusts(*key) for key in keys]), which
-        self._joints, servos = list[tuple[int, Held, IntArray]](), 0
+        self._joints = list[tuple[int, Held, IntArray]]()
+        servos = 0
         for i, joint in enumerate(start.joints):
             late, hold, tau = (
                 self._number(f"drives.{joint.name}.{each}")
                 for each in ("latency", "hold", "time_constant")
             )
             if errors.driven[i]:
-                name, (keys, which) = (
-                    "efforts",
-                    _distinct(late + self._number("joint_delay"), hold, tau),
-                )
+                name = "efforts"
+                keys, which = _distinct(late + self._number("joint_delay"), hold, tau)
             elif errors.servoed[i]:
-                name, (keys, which) = (
-                    "setpoints",
-                    _distinct(delays + late, self._number("setpoint_hold", 0.5)),
+                name = "setpoints"
+                keys, which = _distinct(
+                    delays + late, self._number("setpoint_hold", 0.5)
                 )
             else:
                 continue
-            commands = _stack_commands([windows.commands(name, *key) for key in keys])
+            every = [windows.commands(name, *key) for key in keys]
+            commands = Held.join(every, np.stack)
             self._joints.append((i, commands, which))
             if errors.servoed[i]:
                 self.flights.memories[3 * servos] = self._goals(
@@ -849,13 +863,16 @@ class WindowLanes:
         """Goals (simulations,) of a joint's servo at the starts of windows, from
         setpoints (candidates, steps).
         """
-        windows, servo = self._windows, servo_of(self._errors.start, joint)
+        windows = self._windows
+        servo = servo_of(self._errors.start, joint)
         assert servo is not None
         name = f"drives.{self._errors.start.links[joint].joint.name}.speed_limit"
         most = self._number(name, float(servo.speed_limit)) * windows.step
+        # without a limit the goal is the setpoint itself
         if not np.isfinite(most).any():
             return setpoints[:, windows.before(-1)].ravel()
-        goals, goal = np.empty_like(setpoints), setpoints[:, 0]
+        goals = np.empty_like(setpoints)
+        goal = setpoints[:, 0]
         for k, setpoint in enumerate(setpoints.T):
             goals[:, k] = goal
             goal = (
@@ -869,7 +886,8 @@ class WindowLanes:
         """Simulate step ``k`` of all windows (short sections of a flight) under their
         commands at that step.
         """
-        at, inputs = self._windows.before(k), self.flights.inputs
+        at = self._windows.before(k)
+        inputs = self.flights.inputs
 
         def lanes(table: Array, which: IntArray) -> Array:
             """Values (columns, simulations) at the present step of each window, of
@@ -880,10 +898,8 @@ class WindowLanes:
             )
 
         commands, which = self._speeds
-        inputs["speeds_before"][:], inputs["speeds_after"][:] = (
-            lanes(commands.before, which),
-            lanes(commands.after, which),
-        )
+        inputs["speeds_before"][:] = lanes(commands.before, which)
+        inputs["speeds_after"][:] = lanes(commands.after, which)
         inputs["late"][0] = commands.late[:, at][which].ravel()
         inputs["thrust"][0] = self._thrust[0][:, at][self._thrust[1]].ravel()
         joints = {
@@ -901,19 +917,15 @@ class WindowLanes:
                 i: in_halves(*rows, self._windows.step) for i, rows in joints.items()
             }
         for i, (before, after, late) in joints.items():
-            (
-                inputs["setpoints_before"][i],
-                inputs["setpoints_after"][i],
-                inputs["late"][1],
-            ) = (before, after, late)
+            inputs["setpoints_before"][i] = before
+            inputs["setpoints_after"][i] = after
+            inputs["late"][1] = late
         if self._errors.given is not None:
             joints, rates, accelerations = np.tile(
                 np.moveaxis(self._errors.given[:, at], -1, 1), self._shape[1]
             )
-            self.flights.state["joints"][:], self.flights.state["joint_rates"][:] = (
-                joints,
-                rates,
-            )
+            self.flights.state["joints"][:] = joints
+            self.flights.state["joint_rates"][:] = rates
             inputs["setpoints_before"][:] = inputs["setpoints_after"][:] = (
                 HEAVY * accelerations
             )
@@ -970,15 +982,3 @@ def _distinct(*columns: Array) -> tuple[list[list[float]], IntArray]:
     """
     rows, which = np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)
     return rows.tolist(), np.asarray(which.ravel(), dtype=np.int64)
-
-
-def _stack_commands(every: Sequence[Held]) -> Held:
-    """Stack several sets of commands, such as those for different delays, along a new
-    first axis.
-    """
-    return Held(
-        *(
-            np.stack([getattr(each, name) for each in every])
-            for name in ("before", "after", "late")
-        )
-    )

@@ -213,6 +213,24 @@ class Reduced:
     inverse: Array
 
 
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Context or decorator that limits BLAS to one thread.
+
+    For small matrices further threads only wait, and the bits of a product may depend
+    on their number.
+    """
+    try:
+        from threadpoolctl import threadpool_limits
+    except (
+        ImportError
+    ) as error:  # pragma: no cover  (the library is there when this is tested)
+        raise missing_extra("identify") from error
+    with threadpool_limits(1, user_api="blas"):
+        yield
+
+
+@one_thread()
 def fit_windows(
     errors: WindowErrors,
     begin: Array,
@@ -240,40 +258,6 @@ def fit_windows(
         progress: called with one line a turn of the search.
     """
     student_quantile()  # whose absence is no news for after the search
-    with one_thread():
-        return _search(errors, begin, noise, spread, block, turns, lasting, progress)
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Context or decorator that limits BLAS to one thread.
-
-    For small matrices further threads only wait, and the bits of a product may depend
-    on their number.
-    """
-    try:
-        from threadpoolctl import threadpool_limits
-    except (
-        ImportError
-    ) as error:  # pragma: no cover  (the library is there when this is tested)
-        raise missing_extra("identify") from error
-    with threadpool_limits(1, user_api="blas"):
-        yield
-
-
-def _search(
-    errors: WindowErrors,
-    values: Array,
-    noise: Array | None,
-    spread: Array | None,
-    block: float,
-    turns: int,
-    lasting: bool,
-    progress: Callable[[str], None] | None,
-) -> WindowFit:
-    """Gauss-Newton search for parameters and noise; the arguments are those of
-    :func:`fit_windows`.
-    """
     start, prior = (
         np.array([getattr(each, name) for each in errors.unknowns])
         for name in ("begin", "spread")
@@ -281,10 +265,13 @@ def _search(
     least = np.array(
         [-math.inf if each.positive else each.least for each in errors.unknowns]
     )
+    values = begin
     noise = first_noise(errors) if noise is None else noise
     spread = errors.push if spread is None else spread
     errors.take_samples(values)
-    states, settled, memory = errors.first_states(), False, None
+    states = errors.first_states()
+    settled = False
+    memory = None
     for turn in range(turns):
         errors.take_samples(values)
         residuals, there, normal = errors.normal(values, states, noise, memory=memory)
@@ -298,14 +285,14 @@ def _search(
         before = cost.at(errors.innovations(residuals, there, memory), values, states)
         for _ in range(TRIES):
             change = length * step
-            moved, free = (
-                values + change,
-                states.moved_by(-length * reduced.shift - reduced.slopes @ change),
-            )
+            moved = values + change
+            free = states.moved_by(-length * reduced.shift - reduced.slopes @ change)
             left, _ = errors.errors_at(moved, free)
             after = cost.at(errors.innovations(left, there, memory), moved, free)
+            # 1e-9: at rest the cost moves by its rounding alone, which is no rise
             if math.isfinite(after) and after < before * (1.0 + 1e-9):
                 break
+            # the linear model holds near the estimate, so a shorter step is tried
             length *= SHORTER
         else:  # no step lowers the cost
             change, moved, free, left = 0.0 * change, values, states, residuals
@@ -451,6 +438,8 @@ def first_noise(errors: WindowErrors) -> Array:
                 # a rotation is twice a quaternion's x, y, z
                 factor, shift = (2.0, 1) if name == "quaternion" else (1.0, 0)
                 bends = np.diff(flight.channels[name].values[:, column + shift], 3)
+                # third differences hold no smooth motion; of white noise they have 20
+                # times the variance (1 + 9 + 9 + 1)
                 white = (
                     factor * 1.4826 * float(np.median(np.abs(bends))) / math.sqrt(20.0)
                 )
@@ -472,6 +461,7 @@ def new_noise(
     owners = errors.windows.owners
     taken = np.einsum("wxy,rwxy->wr", inverse, normal.of_rows)
     z = np.abs(found / noise[owners]) * there
+    # an outlier weighs by its size alone, as in the cost (Huber)
     square, count = (np.minimum(z, OUTLIER) * z).sum(axis=0), there.sum(axis=0)
     least, rows = np.array([LEAST[name] for name, _ in errors.rows]), list[Array]()
     for i, before in enumerate(noise):
@@ -494,14 +484,14 @@ def new_memory(errors: WindowErrors, found: Array, there: Mask, noise: Array) ->
     ones they would be taken for more than they tell, and outweigh what is known of the
     numbers and of the unexplained wrench.
     """
-    owners, time, memory = errors.windows.owners, errors.times(), np.zeros_like(noise)
+    owners = errors.windows.owners
+    time = errors.times()
+    memory = np.zeros_like(noise)
     sizes = np.clip(np.where(there, found / noise[owners], 0.0), -OUTLIER, OUTLIER)
     for i, j in np.ndindex(*noise.shape):
-        (windows, steps), own = (
-            np.nonzero(there[:, :, j].T & (owners == i)[:, None]),
-            np.s_[:, :, j],
-        )
-        rows, when = sizes[own][steps, windows], time[own][steps, windows]
+        windows, steps = np.nonzero(there[:, :, j].T & (owners == i)[:, None])
+        rows = sizes[steps, windows, j]
+        when = time[steps, windows, j]
         follow = np.diff(windows) == 0
         square = float(np.mean(rows**2)) if follow.any() else 0.0
         if square > 0.0:
@@ -526,6 +516,7 @@ def new_spread(
     """
     wrench = states.beside[:, :6]
     uncertain = inverse[:, errors.wrench, errors.wrench]
+    # effective number of windows that tell the wrench (MacKay), not 0 where none does
     effective = np.maximum(
         (1.0 - uncertain / spread**2).sum(axis=0), 1e-3 * len(wrench)
     )
@@ -588,6 +579,7 @@ def at_least(total: Array, before: Array) -> Array:
     if not size.size or not size.all():  # of a number of which nothing was known
         return total
     shares, axes = np.linalg.eigh(total / np.outer(size, size))
+    # in exact numbers no share is below 1, as data add to what was known
     if shares[0] >= 0.5:
         return total
     root = size[:, None] * axes * np.sqrt(np.clip(shares, 1.0, SHARPEST))
@@ -610,6 +602,7 @@ def blocks_covariance(total: Array, parts: Array, scores: Array) -> Array:
     """
     root = np.linalg.inv(np.linalg.cholesky(total))
     followed, axes = np.linalg.eigh(root @ parts @ root.T)
+    # the mean of the scores is what the prior pulls, which no block has alone
     turned = np.einsum("bpk,pq,bq->bk", axes, root, scores - scores.mean(axis=0))
     moves = (
         np.einsum(
@@ -624,6 +617,7 @@ def blocks_of(windows: ClockedWindows, seconds: float = BLOCK) -> list[IntArray]
     """Indices of the windows in each block of time of a flight."""
     size = max(1, round(seconds / windows.step))
     keys = (
+        # no flight has so many blocks, so that those of two flights have no common key
         windows.owners * 10**9
         + (windows.begins - windows.firsts[windows.owners]) // size
     )

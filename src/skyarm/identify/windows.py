@@ -10,7 +10,7 @@ coasts.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -131,6 +131,8 @@ def clock_step(flights: Sequence[FlightData], start: Vehicle) -> float:
         1.0 / max(each["gyro"].rate, commanded_speeds(each, start).rate)
         for each in flights
     )
+    # rounded, because the stamps' last bits would else decide on which side of a whole
+    # number of steps a period lies
     usual = max(round(usual, 7), SHORTEST)
     return usual / math.ceil(usual / LONGEST - 1e-6)
 
@@ -159,8 +161,10 @@ def on_clock(
     Raises:
         ValueError: one line: a quantity is missing or does not fit the vehicle.
     """
-    gyro, speeds = flight["gyro"], commanded_speeds(flight, start)
+    gyro = flight["gyro"]
+    speeds = commanded_speeds(flight, start)
     _require_columns(flight, start, speeds, sensors or SENSORS)
+    # 1e-6: a flight of whole steps must not lose the last one to rounding
     begin, size = float(gyro.time[0]), int((gyro.time[-1] - gyro.time[0]) / step + 1e-6)
     edges = begin + step * np.arange(size + 1, dtype=float)
     if sampling_period(speeds) or are_samples(flight):
@@ -170,6 +174,7 @@ def on_clock(
             values=smooth_commands(speeds, middles),
             source=speeds.source,
         )
+    # a rotor does not follow a command beyond its range
     limits = highest_speeds(start.rotors)
     least = [float(rotor.min_speed) for rotor in start.rotors]
     speeds = Channel(
@@ -203,6 +208,7 @@ def on_clock(
     for name in NEEDED:
         if name in channels:
             usable &= _without_gaps(flight[name], edges)
+    # a pose that its estimator resets jumps, and the vehicle does not
     for first, last in flight.jumps:
         usable &= (edges[1:] <= first) | (edges[:-1] >= last)
     voltage = np.ones(size)
@@ -225,6 +231,7 @@ def on_clock(
             flight["joint_commands"] if start.n and "joint_commands" in flight else None
         ),
         voltage=voltage,
+        # since the take-off, not the section: the battery falls from there on
         since=edges[:-1] - (aloft[0][0] if aloft else begin),
         usable=usable,
     )
@@ -258,7 +265,9 @@ def samples_on(channel: Channel, edges: Array) -> SensorSamples:
     """Average the samples of a measured channel in each step of a clock with evenly
     spaced step edges (s).
     """
-    step, size = float(edges[1] - edges[0]), len(edges) - 1
+    step = float(edges[1] - edges[0])
+    size = len(edges) - 1
+    # a sample on an edge, but for rounding, ends the step before it
     place = np.ceil((channel.time - edges[0]) / step - 1e-6).astype(int) - 1
     inside = (place >= 0) & (place < size)
     place, time, rows = place[inside], channel.time[inside], channel.values[inside]
@@ -270,6 +279,7 @@ def samples_on(channel: Channel, edges: Array) -> SensorSamples:
         [np.bincount(place, column, size) / least for column in rows.T], axis=1
     )
     if values.shape[1] == 4:
+        # rows without a sample are not compared, but must be attitudes
         values[count == 0] = [1.0, 0.0, 0.0, 0.0]
         values = unit_rows(values)
     share = np.bincount(place, (time - edges[place]) / step, size) / least
@@ -295,6 +305,17 @@ class Held:
     before: Array
     after: Array
     late: Array
+
+    @classmethod
+    def join(
+        cls, every: Sequence[Held], joining: Callable[[Sequence[Array]], Array]
+    ) -> Held:
+        """Combine commands by a function of arrays, such as ``np.concatenate``."""
+        return cls(
+            joining([each.before for each in every]),
+            joining([each.after for each in every]),
+            joining([each.late for each in every]),
+        )
 
 
 def held_over(channel: Channel, edges: Array, delay: float, width: float = 0.0) -> Held:
@@ -324,6 +345,7 @@ def held_over(channel: Channel, edges: Array, delay: float, width: float = 0.0) 
         first = np.minimum(first, last - width)
         mean = (integral(last) - integral(first)) / (last - first)[:, None]
         return Held(mean, mean, np.zeros(len(first)))
+    # a command on an edge, but for rounding, is no switch within the step
     little = 1e-6 * (edges[1:] - edges[:-1])
     sample = np.searchsorted(time, first + little, "right") - 1
     after = np.minimum(sample + 1, len(time) - 1)
@@ -351,12 +373,11 @@ def lagging(held: Held, lag: float, step: float, flat: bool = False) -> Held:
     from scipy.signal import lfilter
 
     early = held.late[:, None]
-    share, left = early / step, math.exp(-step / lag)
+    share = early / step
+    left = math.exp(-step / lag)
     first, last = np.exp(-early / lag), np.exp((early - step) / lag)
-    gained, begin = (
-        held.before * (1.0 - first) * last + held.after * (1.0 - last),
-        held.before[:1],
-    )
+    gained = held.before * (1.0 - first) * last + held.after * (1.0 - last)
+    begin = held.before[:1]
     ends = lfilter([1.0], [1.0, -left], gained, axis=0, zi=left * begin)[0]
     asked = share * held.before + (1.0 - share) * held.after
     mean = asked - lag / step * np.diff(ends, axis=0, prepend=begin)
@@ -412,7 +433,8 @@ class ClockedWindows:
         most: int = 0,
         places: Sequence[IntArray] | None = None,
     ) -> None:
-        self.flights, self.step = list(flights), flights[0].step
+        self.flights = list(flights)
+        self.step = flights[0].step
         self.length = max(1, round(seconds / self.step))
         past = RUN_IN * float(time_constants(start.rotors).max(initial=0.0)) / self.step
         # in a short flight rather from a part of the past than no window
@@ -436,7 +458,8 @@ class ClockedWindows:
 
     def _places(self, flight: Clocked) -> list[int]:
         """First steps of the windows of a flight, back to back within usable parts."""
-        places, k = list[int](), self.run_in
+        places = list[int]()
+        k = self.run_in
         while k + self.length <= flight.size:
             bad = np.flatnonzero(~flight.usable[k : k + self.length])
             if bad.size:
@@ -450,7 +473,8 @@ class ClockedWindows:
         """Step indices (W,) that lie k steps after the starts of windows, limited to
         their flights.
         """
-        first, last = self.firsts[self.owners], self.firsts[self.owners + 1] - 1
+        first = self.firsts[self.owners]
+        last = self.firsts[self.owners + 1] - 1
         return np.asarray(np.clip(self.begins + k, first, last), dtype=np.int64)
 
     def samples(
@@ -502,36 +526,18 @@ class ClockedWindows:
                 more.
             lag: s, time constant with which what acts follows them.
         """
-        parts = [(each, getattr(each, name)) for each in self.flights]
-        width = max(
-            (channel.values.shape[1] for _, channel in parts if channel is not None),
-            default=0,
-        )
-        rows = [
-            (
-                held_over(
-                    channel, each.edges, delay, hold / channel.rate if hold else 0.0
-                )
-                if channel is not None
-                else Held(
-                    np.zeros((each.size, width)),
-                    np.zeros((each.size, width)),
-                    np.zeros(each.size),
-                )
-            )
-            for each, channel in parts
-        ]
-        rows = (
-            [lagging(each, lag, self.step, hold > 0.0) for each in rows]
-            if lag
-            else rows
-        )
-        return Held(
-            *(
-                np.concatenate([getattr(each, field) for each in rows])
-                for field in ("before", "after", "late")
-            )
-        )
+        logged = [getattr(each, name) for each in self.flights]
+        width = max((each.values.shape[1] for each in logged if each), default=0)
+        rows = list[Held]()
+        for flight, channel in zip(self.flights, logged, strict=True):
+            if channel is None:
+                none = np.zeros((flight.size, width))
+                held = Held(none, none, np.zeros(flight.size))
+            else:
+                over = hold / channel.rate if hold else 0.0
+                held = held_over(channel, flight.edges, delay, over)
+            rows.append(lagging(held, lag, self.step, hold > 0.0) if lag else held)
+        return Held.join(rows, np.concatenate)
 
     def thrusts(self, sag: float, drift: float, *own: float) -> Array:
         """Thrust factor (steps,) from a power of the voltage, a drift since take-off
@@ -560,14 +566,12 @@ class ClockedWindows:
             for name in names
         }
         every = with_changes(rotors[0][0], False, **columns)
-        before, after, late = (
-            np.stack([getattr(each, name) for each in held])
-            for name in ("before", "after", "late")
-        )
+        stacked = Held.join(held, np.stack)
+        before, after = stacked.before, stacked.after
         speeds = before[:, self.before(-self.run_in)]
         for k in range(-self.run_in, 0):
             at = self.before(k)
-            begun = late[:, at, None]
+            begun = stacked.late[:, at, None]
             speeds = np.asarray(speed_after(every, speeds, before[:, at], begun))
             speeds = np.asarray(
                 speed_after(every, speeds, after[:, at], self.step - begun)
@@ -590,6 +594,7 @@ class ClockedWindows:
         position, speed = parabola("position", 3)
         attitude, _ = parabola("quaternion", 4)
         joints, joint_rates = parabola("joint_positions", 0)
+        # windows without a sample begin level, which is an attitude
         attitude[~attitude.any(axis=1)] = [1.0, 0.0, 0.0, 0.0]
         return {
             "position": position,
@@ -611,7 +616,10 @@ class ClockedWindows:
         there = np.flatnonzero(rows.there)
         time = (there + rows.share[there]) * self.step
         usual = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
+        # a parabola needs three samples: two to each side give five
         half = max(2, round(AROUND / usual))
+        # a sensor of few samples leaves value and slope at zero, where the search
+        # begins
         terms = np.zeros((2, self.count, rows.values.shape[1]))
         for i, (begin, owner) in enumerate(zip(self.begins, self.owners, strict=True)):
             first, last = np.searchsorted(there, self.firsts[owner : owner + 2])
@@ -621,10 +629,8 @@ class ClockedWindows:
             chosen = there[max(first, middle - half) : min(last, middle + half + 1)]
             if not chosen.size:
                 continue
-            off, data = (
-                (chosen + rows.share[chosen] - begin) * self.step,
-                rows.values[chosen],
-            )
+            off = (chosen + rows.share[chosen] - begin) * self.step
+            data = rows.values[chosen]
             if data.shape[1] == 4:
                 data = continuous(data)
             powers = np.vander(off, min(3, len(chosen)), increasing=True)

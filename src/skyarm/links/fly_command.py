@@ -9,7 +9,14 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.arguments import Duration, Flown, Law, Out, one_law, require_not_another
+from skyarm.cli.arguments import (
+    Duration,
+    Law,
+    Out,
+    ScenarioOrLog,
+    one_law,
+    require_not_another,
+)
 from skyarm.cli.lines import NOT_COMPLETED, say_suspicious
 from skyarm.cli.output import give, say_cause, tell
 from skyarm.cli.run_command import save_logs
@@ -27,7 +34,7 @@ from skyarm.view.pages import Facts
 
 
 def fly(
-    scenario: Flown,
+    scenario: ScenarioOrLog,
     link: Annotated[
         str,
         typer.Option(
@@ -73,6 +80,7 @@ def fly(
     """
     require_not_another(scenario, "scenario")
     planned = load_scenario(scenario, controller=one_law(laws), duration=duration)
+    # what cannot be flown or written is refused before a vehicle is waited for
     require_outside(planned)
     if world not in ("here", "local"):
         raise ValueError(f"--world = {world!r}: must be here or local")

@@ -179,6 +179,7 @@ class UdpJoints(JointLink):
             if message is not None and message[0] == STATE:
                 newest = message
         if newest is None:
+            # requests may be lost: they are repeated, at most 20 times a second
             if time.monotonic() - self._asked > 0.05:
                 self._asked = time.monotonic()
                 self._tell(HELLO)

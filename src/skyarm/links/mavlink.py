@@ -105,6 +105,7 @@ def pack(
         payload = _payload(definition, merged)
     except _MISFITS as error:
         raise _misfit(definition, merged) from error
+    # MAVLink 2 cuts trailing zeros, but one byte stays
     payload = payload.rstrip(b"\0") or b"\0"
     try:
         header = bytes((len(payload), 0, 0, sequence & 0xFF, system, component))
@@ -181,9 +182,8 @@ class Parser:
     """
 
     def __init__(self, *, datagrams: bool = False) -> None:
-        self.bad = self.skipped = self.unknown = self.version_1 = self.version_2 = (
-            self.signed
-        ) = 0
+        self.bad = self.skipped = self.unknown = 0
+        self.version_1 = self.version_2 = self.signed = 0
         self.lost_by_sender: dict[tuple[int, int], int] = {}
         self._next_sequence: dict[tuple[int, int], int] = {}
         self._datagrams = datagrams
@@ -242,10 +242,8 @@ class Parser:
             payload = start + _HEADER_1
             sequence, system, component, number = pending[start + 2 : payload]
         tail = payload + pending[start + 1]
-        body, received = (
-            pending[start + 1 : tail],
-            pending[tail] | pending[tail + 1] << 8,
-        )
+        body = pending[start + 1 : tail]
+        received = pending[tail] | pending[tail + 1] << 8
         definition = DEFINITIONS_BY_NUMBER.get(number)
         if definition is None:
             follows = pending[stop : stop + 1] in (b"", b"\xfd", b"\xfe")
@@ -311,6 +309,7 @@ def _fields(definition: Definition, payload: bytes) -> dict[str, DecodedValue]:
     )
     fields: dict[str, Any] = {name: numbers[place] for name, place in definition.places}
     for _, field in definition.texts:
+        # a text of a stranger must not steer the terminal
         text = fields[field.name].partition(b"\0")[0].decode(errors="replace")
         fields[field.name] = (
             text

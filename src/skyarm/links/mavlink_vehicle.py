@@ -161,6 +161,8 @@ class MavlinkVehicle:
         frame = mavlink.pack(
             name,
             sequence=self._sequence,
+            # system 0 is a broadcast, which is no sender: 1 until the autopilot is
+            # heard
             system=system or max(self.system, 1),
             component=component,
             **fields,
@@ -219,6 +221,7 @@ class MavlinkVehicle:
         another sender.
         """
         name = message.name
+        # the first autopilot that beats is the one: its number is not known before
         unknown = name == "HEARTBEAT" and not self.system
         if message.component != 1 or not (unknown or message.system == self.system):
             return False
@@ -226,15 +229,11 @@ class MavlinkVehicle:
             modes = self._kinds.get(message["autopilot"])
             if modes is None:
                 return False
-            self.modes, self.system, self.beaten = (
-                self.modes or modes,
-                message.system,
-                time.monotonic(),
-            )
-            self.mode, self.armed = (
-                message["custom_mode"],
-                bool(message["base_mode"] & ARMED),
-            )
+            self.modes = self.modes or modes
+            self.system = message.system
+            self.beaten = time.monotonic()
+            self.mode = message["custom_mode"]
+            self.armed = bool(message["base_mode"] & ARMED)
             self.status = message["system_status"]
         elif name == "LOCAL_POSITION_NED":
             x, y, z = to_our_axes(message["x"], message["y"], message["z"])

@@ -98,6 +98,7 @@ class Tape:
                     f" {channel} differ from the {len(expected)} recorded"
                 )
             return
+        # sent first: what could not be sent is not recorded
         send(data)
         self._write(SENT, channel, data)
 
@@ -219,6 +220,7 @@ def _begin(path: Path) -> gzip.GzipFile:
     """Open a transcript file and write its header, so that even an interrupted
     recording is readable.
     """
+    # no time of writing in the header: equal exchanges give equal files
     file = gzip.GzipFile(path, "wb", compresslevel=6, mtime=0)
     file.write(MAGIC)
     file.flush()
@@ -257,12 +259,14 @@ def rows_of(path: Path) -> Iterator[Row]:
             yield SENT, "", MAGIC
             while len(head := file.read(HEAD.size)) == HEAD.size:
                 _, what, name, size = HEAD.unpack(head)
+                # a damaged length must not fill the memory
                 if what not in WORDS or size > LONGEST:
                     raise TranscriptError(
                         f"{where}: must be a transcript that was recorded; it is"
                         " damaged"
                     )
                 channel, data = file.read(name), file.read(size)
+                # a recording that was interrupted is played as far as it is whole
                 if len(channel) + len(data) < name + size:
                     return
                 yield what, channel.decode("ascii", "replace"), data

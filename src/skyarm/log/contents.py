@@ -92,20 +92,24 @@ def log_of(content: Mapping[str, AnyArray], info: Plain) -> Log:
     if axes is None or sorted(content) != sorted([*names, *axes]):
         raise ValueError(WORDS)
     count = np.shape(content["time"])
-    joints, rotors = (
-        np.shape(content["joints"])[1:],
-        np.shape(content["rotor_speeds"])[1:],
-    )
+    joints = np.shape(content["joints"])[1:]
+    rotors = np.shape(content["rotor_speeds"])[1:]
     for name in names:
         array, group = np.asarray(content[name]), COLUMNS.get(name, ("", ""))[1]
         width = {"joints": joints, "rotors": rotors}.get(
             group, (4,) if name == "quaternion" else (3,)
         )
-        width = () if name in SCALARS else array.shape[1:2] if name in IF_ANY else width
+        if name in SCALARS:
+            width = ()
+        elif name in IF_ANY:
+            # as many columns as the law or the flight has of them
+            width = array.shape[1:2]
         if (
             len(count) != 1
             or array.shape != (*count, *width)
             or array.ndim > 2
+            # the file is from outside: other types would fail later, in the middle of a
+            # plot
             or array.dtype != np.float64
         ):
             raise ValueError(WORDS)
@@ -135,13 +139,15 @@ def _log_of_team(content: Mapping[str, AnyArray], info: Info) -> TeamLog:
     if not isinstance(agents, dict) or not agents or not _is_texts(shared):
         raise ValueError(WORDS)
     every = {name: array for name, array in content.items() if WITHIN not in name}
-    logs, taken = dict[str, Log](), len(every)
+    logs = dict[str, Log]()
+    taken = len(every)
     for name, each in agents.items():
         own = {
             key.partition(WITHIN)[2]: array
             for key, array in content.items()
             if key.startswith(f"{name}{WITHIN}")
         }
+        # every array must be taken once: one of an unknown vehicle is damage
         taken += len(own)
         logs[name] = log_of({**own, **every}, each)
     if taken != len(content) or sorted(every) != sorted(

@@ -202,6 +202,8 @@ class Log:
         """Arrays logged by wind, force and contact models as attributes, such as
         ``log.contact_force``.
         """
+        # dict first: __getattr__ is also called while a log is unpickled, before it has
+        # fields
         stored: Mapping[str, Array] = self.__dict__.get("_stored", {})
         received: Mapping[str, Array] = self.__dict__.get("received", {})
         if name in stored:
@@ -218,6 +220,7 @@ class Log:
     @property
     def agents(self) -> Mapping[str, Log]:
         """Log of each vehicle of the flight by name; of one vehicle it is this log."""
+        # a log of an older version names no vehicle, so its only one has the usual name
         named = (self.info.get("scenario_record") or {}).get("agents") or {SOLE: None}
         return {next(iter(named)): self}
 
@@ -246,8 +249,10 @@ class Log:
     @property
     def phase_ends(self) -> tuple[tuple[str, float | None], ...]:
         """Kind and completion time (s, or None) of each phase of a task."""
-        ends, phase = [], self.phase
+        ends = []
+        phase = self.phase
         for number, name in enumerate(self.info.get("phases", ())):
+            # half a number above: phases are stored as floats
             later = np.flatnonzero(phase > number + 0.5)
             ends.append((str(name), float(self.time[later[0]]) if later.size else None))
         return tuple(ends)
@@ -336,6 +341,7 @@ class Log:
         stored: Mapping[str, Array] | None = self.__dict__.get("_stored")
         if stored is not None:
             return stored
+        # empty arrays have no columns and are left out of files
         absent = [name for name in IF_ANY if not getattr(self, name).size]
         own = {
             name: array
@@ -351,6 +357,8 @@ class Log:
 
     def _rows(self, chosen: slice) -> Log:
         arrays = self.arrays()
+        # a stored array reads only the rows, so that a long log need not fit into
+        # memory
         read = (
             arrays.read
             if isinstance(arrays, ArraysByName)
@@ -449,6 +457,7 @@ def log_of_arrays(arrays: Mapping[str, Array], info: Info) -> Log:
     if not isinstance(arrays, ArraysByName):
         own = {name: array for name, array in arrays.items() if name not in others}
         return Log(**own, received={name: arrays[name] for name in others}, info=info)
+    # without __init__: arrays of a file are read when they are first used
     log = object.__new__(Log)
     named = [
         name

@@ -51,6 +51,8 @@ def facts(log: Log) -> Facts:
     phases; of each vehicle.
     """
     info = log.info
+    # a summary of one vehicle has its numbers at the top, of several below each name:
+    # files have both forms
     if len(log.agents) > 1:
         common = (
             "scenario",
@@ -92,12 +94,14 @@ def facts(log: Log) -> Facts:
     values["cause"] = values["cause"] or None
     if "autopilot" in info:
         values["autopilot"] = info["autopilot"]
+    # before take-off there is no reference, so errors would mean nothing
     if not log.time.size or not _took_off(values):
         return values
     steady = Windows().of_flight(float(info["duration"]), windows_of(log)).steady
     inside = steady.of(log)
 
     def summary(error: Array) -> dict[str, float | None]:
+        # a flight that ended before the window has no mean
         mean, most = (
             (float(error[inside].mean()), float(error[inside].max()))
             if inside.any()
@@ -140,6 +144,7 @@ def facts(log: Log) -> Facts:
             "lag": log.time - log.path_time,
             "base_to_path": path_distance(log.position, log.position_reference),
         }
+        # without an arm the tip is the base, and its row would repeat that of the base
         if not np.array_equal(log.tool, log.position):
             distances["tip_to_path"] = path_distance(log.tool, log.tool_reference)
         values["governor"] = {
@@ -190,6 +195,7 @@ def _peak_thrust(log: Log) -> float | None:
     limit.
     """
     rotors = getattr(restored_at(log.info, "plant.vehicle"), "rotors", ())
+    # not strict: a log of an older version may lack the vehicle
     pairs = zip(rotors, np.abs(log.rotor_speeds).max(axis=0), strict=False)
     return max(
         (
@@ -213,6 +219,7 @@ def _contacts(log: Log) -> list[Facts]:
     largest force (N).
     """
     pairs: dict[tuple[str, str], list[ContactPeriod]] = {}
+    # by surface and point, in the order of the first touch
     for period in log.contact_periods:
         pairs.setdefault((period.surface, period.point), []).append(period)
     return [
@@ -241,6 +248,7 @@ def _mechanisms(log: Log) -> list[Facts]:
         component_labels(log, "mechanism_position"), rows, strict=True
     ):
         place = column.of(log)
+        # the largest distance from the start, since a door may come back
         furthest = place[np.abs(place - place[0]).argmax()]
         moved.append(
             {
@@ -316,6 +324,7 @@ def summary(log: Log, values: Facts) -> list[Line]:
     )
     jitter, limited = (values[name] for name in COMMANDS)
     if jitter is not None:
+        # a battery lowers the limits, so "at its limit" would be no number of the rotor
         words = (
             ""
             if limited is None or _has_battery(log)

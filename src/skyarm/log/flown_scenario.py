@@ -35,6 +35,7 @@ def written_scenario(info: Info) -> Info:
         return {}
     agents = record.get("agents")
     only = [*agents.values()] if isinstance(agents, dict) else []
+    # a log of one vehicle is read as if its file had named none
     return record | {"agent": only[0]} if len(only) == 1 else record
 
 
@@ -42,7 +43,10 @@ def written_at(info: Info, path: str) -> Any:
     """Plain data at a path of a log's scenario, such as plant.vehicle, by the keys of
     its file; None if missing.
     """
-    head, tail = path.split("."), list[str]()
+    head = path.split(".")
+    tail = list[str]()
+    # the longest key of the file that the path begins with; the rest are names inside
+    # it
     while head and ".".join(head) not in _places():
         tail = [head.pop(), *tail]
     data: Any = written_scenario(info)
@@ -57,6 +61,7 @@ def _places() -> dict[str, Place]:
     record.
     """
     kind: type = code_of(SCENARIO, {})
+    # reversed, so that of two fields under one key the first counts
     return {slot.table: slot.record for slot in reversed(slots(kind))}
 
 
@@ -70,6 +75,7 @@ def restored_at(info: Info, path: str) -> Any:
 def restore_written(info: Info, written: Plain) -> Any:
     """Restore a dataclass from plain data in a log; None if that fails."""
     try:
+        # through text, because a cache needs a key that can be hashed
         return _restore_text(json.dumps((written, info.get("plugins"))))
     except (KeyError, TypeError, ValueError, AttributeError):
         return None
@@ -160,6 +166,7 @@ def _convert_errors(plugins: Mapping[str, str]) -> Iterator[None]:
         yield
     except RegistryError as error:
         raise ValueError(f"scenario_record: {error}") from None
+    # of a record that was edited by hand
     except (KeyError, TypeError, AttributeError, OverflowError) as error:
         raise ValueError(
             f"scenario_record: must be a record that was written ({error})"

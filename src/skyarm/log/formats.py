@@ -119,11 +119,13 @@ def write_csv(log: Log, path: PathLike) -> Path:
     heads = ",".join(
         f"{each.name} [{each.unit}]" if each.unit else each.name for each in every
     )
+    # of the whole log, because one head and one form serve all pieces
     finite = all(
         np.isfinite(log[name]).all() for name in {each.array for each in every}
     )
     with writing_atomically(path) as stream:
         stream.write(f"{heads}\n".encode())
+        # in pieces, since the text of a long log takes more memory than its numbers
         for begin in range(0, log.time.size, PIECE):
             piece = rows_of(log, slice(begin, begin + PIECE))
             table = np.column_stack([each.of(piece) for each in every])
@@ -173,6 +175,7 @@ def require_readable(path: PathLike, field: str = "log") -> Callable[[Path], Log
     readable = [
         name
         for name in names("log_format")
+        # a format that only writes cannot be read back
         if _format(name, at, [name]).read is not None
     ]
     reader = _format(
@@ -209,6 +212,7 @@ def save_log(log: Log, path: PathLike) -> Path:
     before = stamp_of(file)
     with taken_back(file):
         written = write(log, file)
+    # a format may write elsewhere than it was told, and then returns that path
     named = Path(str(written or file)) if stamp_of(file) == before else file
     require_result(
         write, written, os.path.lexists(named), "the path of the written file"

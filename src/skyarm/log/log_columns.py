@@ -141,6 +141,7 @@ def names_of(log: FlightArrays) -> Names:
     joints, rotors = log["joints"].shape[1], log["rotor_speeds"].shape[1]
     driven = [link.joint for link in _records(log.info, Link, "links")]
     turning, takes = _records(log.info, Rotor, "rotors"), setpoints_of(log.info)
+    # a record that cannot be restored names nothing; numbers serve then
     if len(driven) != joints or len(turning) != rotors:
         return Names(
             tuple(map(str, range(joints))),
@@ -178,9 +179,12 @@ def columns(log: FlightArrays) -> tuple[LogColumn, ...]:
     """List the columns of a log, in the order of its arrays; of several vehicles each
     with the vehicle's name.
     """
+    # one vehicle has its columns without a name before them, as files of one have had
+    # them
     if len(log.agents) > 1:
         return _columns_of_team(log)
-    names, listed = names_of(log), list[LogColumn]()
+    names = names_of(log)
+    listed = list[LogColumn]()
     for array, unit in units(type(log)).items():
         width = log[array].shape[1:]
         kinds = names.kinds if COLUMNS.get(array, ("", ""))[1] == "joints" else ()
@@ -197,6 +201,7 @@ def columns(log: FlightArrays) -> tuple[LogColumn, ...]:
                 LogColumn(name, own, unit.meaning, array, index if width else None)
             )
     listed += _sensor_columns(log, names)
+    # two joints may have one name in lower case
     unique = distinct([each.name for each in listed])
     return tuple(
         replace(each, name=name) for name, each in zip(unique, listed, strict=True)
@@ -207,7 +212,9 @@ def _columns_of_team(log: FlightArrays) -> tuple[LogColumn, ...]:
     """List the columns of a log of several vehicles: those of each, then those of what
     all share.
     """
-    arrays, listed, shared = log.arrays(), list[LogColumn](), dict[str, LogColumn]()
+    arrays = log.arrays()
+    listed = list[LogColumn]()
+    shared = dict[str, LogColumn]()
     for name, own in log.agents.items():
         for each in columns(own):
             if f"{name}/{each.array}" in arrays:
@@ -220,6 +227,7 @@ def _columns_of_team(log: FlightArrays) -> tuple[LogColumn, ...]:
                 )
             elif each.array in arrays:
                 shared[each.name] = each
+    # time first, as in a log of one vehicle
     every = [shared.pop("time"), *listed, *shared.values()]
     unique = distinct([each.name for each in every])
     return tuple(
@@ -268,10 +276,12 @@ def _endings(array: str, width: int | None, names: Names) -> list[str]:
     if width is None:
         return [begin]
     parts = getattr(names, group) if group else ("",)
+    # components of vectors follow the part to which they belong
     axes = AXES.get(width // len(parts)) if parts and width % len(parts) == 0 else None
     if not axes:
         return [f"{begin}_{i}" for i in range(width)]
     begins = [begin] * len(parts)
+    # a servo takes a setpoint, whose column must not be called an effort
     if array == "efforts":
         begins = [
             begin if setpoint is None else SETPOINT for setpoint in names.setpoints
@@ -290,6 +300,7 @@ def word(name: str, kind: str = "") -> str:
     wrist_roll.
     """
     text = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
+    # a joint called joint_1 is not to become joint_joint_1
     return text.removeprefix(kind).strip("_") or text or "unnamed"
 
 
@@ -303,6 +314,7 @@ def unit_of_kind(unit: Unit, kind: str) -> str:
 
 def component_labels(log: FlightArrays, array: str) -> list[str]:
     """Column labels of an array that a wind, force or contact model logged."""
+    # components belong to the world, so any vehicle's log describes them
     source = sources_of(next(iter(log.agents.values())).info).get(COMPONENTS)
     field = None if source is None else source.fields.get(array)
     return [] if field is None else field.axes or []
@@ -332,6 +344,7 @@ def setpoints_of(info: Info) -> dict[str, str]:
     """
     units_of_joints = {}
     for joint, drive in drives_of(info).items():
+        # a drive whose plugin is missing counts as one that takes no torque
         if not getattr(drive, "takes_torque", False):
             takes = getattr(drive, "takes", "")
             units_of_joints[joint] = takes if isinstance(takes, str) else ""

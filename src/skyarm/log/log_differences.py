@@ -68,16 +68,17 @@ def log_differences(a: Log, b: Log, tolerance: float = 0.0) -> LogDifferences:
             column. 0 asks for equal numbers; NaN equals NaN, and a zero one of the
             other sign.
     """
+    # by time, because the logs may have other rates or ends
     times, ours, theirs = np.intersect1d(a.time, b.time, return_indices=True)
-    named, others = (
-        {each.name: each for each in columns(a)},
-        {each.name: each for each in columns(b)},
-    )
+    named = {each.name: each for each in columns(a)}
+    others = {each.name: each for each in columns(b)}
     differing = []
     for name, column in named.items():
+        # time is matched already
         if name in others and name != "time":
             pair = column.of(a)[ours], others[name].of(b)[theirs]
             differing += list(_difference(name, column.unit, times, pair, tolerance))
+    # a stable sort: columns of one instant stay in the order of the log
     differing.sort(key=lambda each: each.time)
     unmatched = tuple(
         name for name in {**named, **others} if (name in named) != (name in others)
@@ -97,6 +98,7 @@ def _difference(
         size = np.abs(first - second)
         same = (
             (first == second)
+            # a log that ends with NaN in both flew the same
             | (np.isnan(first) & np.isnan(second))
             | (size <= tolerance)
         )
@@ -104,6 +106,7 @@ def _difference(
     if not apart.size:
         return
     k = int(apart[0])
+    # a NaN on one side only is the largest difference there is
     size = np.where(same, 0.0, np.where(np.isnan(size), np.inf, size))
     most = int(size.argmax())
     yield Difference(

@@ -41,6 +41,7 @@ class PoseSeries:
         share = np.where(
             step > 0.0, (time - self.time[rows]) / np.where(step > 0.0, step, 1.0), 1.0
         )[:, None]
+        # outside the motion nothing is known, so nothing is extrapolated
         outside = (time < self.time[0]) | (time > self.time[-1])
 
         def interpolate(values: Array) -> Array:
@@ -56,6 +57,7 @@ class PoseSeries:
         return PoseSeries(
             time=time,
             position=interpolate(self.position),
+            # linear interpolation shortens a quaternion
             quaternion=unit_rows(interpolate(continuous(self.quaternion))),
             joints=interpolate(self.joints),
         )
@@ -77,6 +79,7 @@ class PredictedMotion:
     begins: Array
 
 
+# a row of NaN behind each part keeps two flights from being joined by a line
 def join_motions(motions: Sequence[PoseSeries]) -> PoseSeries:
     """Join successive motions to one, with unknown poses (NaN) between them."""
     parts = {
@@ -103,5 +106,6 @@ def distance_between(one: PoseSeries, other: PoseSeries) -> tuple[Array, Array]:
     each, at the same times.
     """
     apart = lengths(one.position - other.position)
+    # q and -q are one attitude
     same = np.abs((one.quaternion * other.quaternion).sum(axis=1))
     return apart, 2.0 * np.arccos(np.minimum(same, 1.0))

@@ -105,6 +105,7 @@ def grasp_periods(log: FlightArrays) -> tuple[GraspPeriod, ...]:
     arrays = (log.component(f"gripper_{name}").T for name in ("taken", "lost", "force"))
     for gripper, *columns in zip(grippers, *arrays, strict=False):
         taken, lost, force = columns
+        # equal numbers are one load; each run of them is one grasp
         for number in np.unique(taken[taken > 0.0]):
             for begin, end in runs_of(taken == number):
                 grasps.append(
@@ -136,6 +137,7 @@ def timed_out(log: FlightArrays) -> frozenset[int]:
 
 def runs_of(true: Mask) -> list[tuple[int, int]]:
     """Start index and exclusive end index of each run of true values in a mask."""
+    # False on both sides, so that a run at an end has two edges, too
     edges = np.flatnonzero(
         np.diff(np.concatenate([[False], true, [False]]).astype(int))
     )

@@ -89,6 +89,7 @@ def fields_of(record: Tree, count: int) -> Iterator[tuple[str, LoggedField, Arra
             instant.
         count: number of instants, N.
     """
+    # vectors are records with axes of their own, not of fields
     whole = is_record(record) and not isinstance(record, (Vec3, Quaternion))
     said = units(type(record)) if whole else {}
     for name, value in (parts(record) if whole else {BARE: record}).items():
@@ -98,6 +99,7 @@ def fields_of(record: Tree, count: int) -> Iterator[tuple[str, LoggedField, Arra
             if not isinstance(each, (str, bool, type(None)))
         ]
         if not numbers:
+            # a field of texts has no columns
             continue
         table = np.stack(
             [np.broadcast_to(doubles(each), (count,)) for _, each in numbers], axis=1
@@ -147,15 +149,14 @@ def _has_valid_types(source: Source) -> bool:
     texts = [each.unit for each in source.fields.values()] + [
         each.meaning for each in source.fields.values()
     ]
-    axes = [
-        each
-        for field in source.fields.values()
-        for each in (field.axes, field.units)
-        if each is not None
+    lists = [
+        each for field in source.fields.values() for each in (field.axes, field.units)
     ]
-    lists = all(isinstance(each, list) and each for each in axes)
+    axes = [each for each in lists if each is not None]
+    filled = all(isinstance(each, list) and each for each in axes)
     texts += [axis for each in axes for axis in each] + (
         [] if source.frame is None else [source.frame]
     )
+    # a place is written as six floats; other types belong to a damaged description
     mount = source.mount is None or [type(each) for each in source.mount] == [float] * 6
-    return counts and lists and mount and all(isinstance(each, str) for each in texts)
+    return counts and filled and mount and all(isinstance(each, str) for each in texts)

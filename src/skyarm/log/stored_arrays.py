@@ -54,6 +54,7 @@ class ArrayFile:
 
     def __init__(self, folder: Path) -> None:
         self._folder, self._file = folder, TemporaryFile(dir=folder, buffering=0)  # noqa: SIM115
+        # closed when the object goes, also where the process ends by an error
         weakref.finalize(self, self._file.close)
 
     def store(self, arrays: Mapping[str, Array]) -> ArraysByName:
@@ -62,16 +63,15 @@ class ArrayFile:
         Raises:
             OSError: the disk has no room for them and for the files of their log.
         """
-        file, content, places = (
-            self._file,
-            bytearray(),
-            dict[str, tuple[int, tuple[int, ...]]](),
-        )
+        file = self._file
+        content = bytearray()
+        places = dict[str, tuple[int, tuple[int, ...]]]()
         begin = file.seek(0, os.SEEK_END)
         for name, array in arrays.items():
             places[name] = begin + len(content), array.shape
             content += array.tobytes()
         room, size = shutil.disk_usage(self._folder).free, len(content)
+        # checked before, because a full disk would leave a torn log
         if room < ROOM * (begin + 2 * size) or file.write(content) < size:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -101,15 +101,14 @@ def join(parts: Sequence[Mapping[str, Array]]) -> ArraysByName:
         estimate = name.startswith("measured_") or name.endswith(
             ("_found", "_deviation")
         )
+        # 0 for what a component logs; NaN for what was never measured
         none = np.nan if readings or estimate else 0.0
         return np.full((len(part["time"]), *like.shape[1:]), none)
 
     def read(name: str, chosen: slice = slice(None)) -> Array:
         start, stop, _ = chosen.indices(ends[-1])
-        first, last = (
-            bisect_left(ends, start + 1, hi=len(ends) - 1),
-            bisect_left(ends, stop),
-        )
+        first = bisect_left(ends, start + 1, hi=len(ends) - 1)
+        last = bisect_left(ends, stop)
         rows = np.concatenate([of_part(part, name) for part in parts[first : last + 1]])
         begin = ([0, *ends])[first]
         return rows[start - begin : max(stop - begin, 0)]

@@ -44,6 +44,7 @@ class TeamLog(Log):
             self, "_agents", Members(tuple(agents), tuple(agents.values()))
         )
         object.__setattr__(self, "info", info)
+        # all vehicles are flown at the same instants
         object.__setattr__(self, "time", next(iter(agents.values())).time)
 
     def __repr__(self) -> str:
@@ -51,9 +52,8 @@ class TeamLog(Log):
             f"{name}={self.info.get(name)!r}"
             for name in ("scenario", "status", "end_time")
         )
-        return f"TeamLog({', '.join(self.agents)}: {', '.join(said)}, instants={self.time.size})"[
-            :LONGEST
-        ]
+        names, facts = ", ".join(self.agents), ", ".join(said)
+        return f"TeamLog({names}: {facts}, instants={self.time.size})"[:LONGEST]
 
     @property
     def agents(self) -> Mapping[str, Log]:
@@ -94,6 +94,7 @@ class TeamLog(Log):
         """Arrays logged by models that all vehicles share; those of one vehicle are
         refused in one line.
         """
+        # private names are asked for by copy and pickle, before there are any agents
         if name.startswith("_"):
             raise AttributeError(name)
         if name not in self.common:

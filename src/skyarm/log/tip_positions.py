@@ -14,6 +14,7 @@ def tip(vehicle: Vehicle, position: Array, quaternion: Array, joints: Array) -> 
     """World position (m) of the tip, (N, 3), or of the base if the vehicle has no
     tip.
     """
+    # a vehicle without a tip is tracked by its base
     if not vehicle.end_effector:
         return position
     return frame_pose_world(vehicle, position, unit_rows(quaternion), joints)[0]

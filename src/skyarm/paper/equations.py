@@ -97,6 +97,7 @@ def forward_kinematics(vehicle: Vehicle, q: ArrayLike) -> dict[str, Array]:
         zip(links, (base @ each for each in link_poses(vehicle, at[6:])), strict=True)
     )
     for frame in vehicle.frames:
+        # links come first: a frame of the same name would hide one
         name = f"frame {frame.name}" if frame.name in poses else frame.name
         poses[name] = base @ frame_pose(vehicle, frame, at[6:])
     return {

@@ -8,6 +8,7 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from functools import cache, partial
+from itertools import chain, product
 
 import numpy as np
 
@@ -22,11 +23,15 @@ from skyarm.scenario.scenario_record import PLANTS, Scenario
 from skyarm.studies.flights import Work
 from skyarm.view.pages import Facts
 
+# half-open, on the scenario's clock (READING of the report says how the paper counts)
 STEADY, TRANSIENT, GUST = Window(10.0, 20.0), Window(0.0, 8.0), Window(5.0, 20.0)
 WINDOWS: Mapping[str, Window] = {
-    case: GUST if case == "case2_gust" else STEADY for case in CASES
+    # the gust comes at 7.5 s, so its window begins before it
+    case: GUST if case == "case2_gust" else STEADY
+    for case in CASES
 }
 """Case -> window of its metrics."""
+# the end of the hover: motions begin at 6 s
 HOVER = Window(4.0, 5.9)
 HOLDS = (Window(9.0, 12.0), Window(16.0, 19.0))
 """Case 1: the last 3 s of each hold of 5 s (7-12 s and 14-19 s)."""
@@ -73,9 +78,7 @@ def flights(plants: Sequence[str] = PLANTS) -> list[PaperFlight]:
     """All flights of Barakou et al. 2026 for the given kinds of simulated plant."""
     return [
         PaperFlight(case, controller, plant)
-        for plant in plants
-        for case in CASES
-        for controller in CONTROLLERS
+        for plant, case, controller in product(plants, CASES, CONTROLLERS)
     ]
 
 
@@ -135,12 +138,9 @@ def metrics(case: str, log: Log, holds: tuple[Window, ...] = HOLDS) -> Metrics:
         suffix: {name: _with_suffix(metric, suffix) for name, metric in named.items()}
         for suffix in ("", CONTINUOUS)
     }
-    names = dict.fromkeys(
-        m
-        for each in twins.values()
-        for m in each.values()
-        if not m.startswith("settling_time")
-    )
+    every = chain.from_iterable(each.values() for each in twins.values())
+    # a settling time has no window: it is computed by itself below
+    names = dict.fromkeys(m for m in every if not m.startswith("settling_time"))
     windows = Windows(
         steady=WINDOWS[case], transient=TRANSIENT, gust=GUST, hover=HOVER, holds=holds
     )
@@ -155,6 +155,7 @@ def metrics(case: str, log: Log, holds: tuple[Window, ...] = HOLDS) -> Metrics:
         for suffix, each in twins.items()
         for name, metric in each.items()
     }
+    # an early end cuts the windows, whose means would not compare
     whole = log.status == "completed"
     return {
         name: value if whole and math.isfinite(value) else None
@@ -244,12 +245,9 @@ def first_plant(results: Record) -> str:
     named = results.get("settings", {}).get("plants")
     if named:
         return str(named[0])
-    cells = [
-        cell
-        for case in results.get("experiments", {}).values()
-        for c in case.values()
-        for cell in c.values()
-    ]
+    cases = results.get("experiments", {}).values()
+    laws = [cells for case in cases for cells in case.values()]
+    cells = [cell for each in laws for cell in each.values()]
     return next(
         (
             plant
@@ -275,12 +273,14 @@ def settings(logs: Sequence[Log]) -> Facts:
         "seed",
     )
     windows = {"steady": STEADY, "transient": TRANSIENT, "gust": GUST, "hover": HOVER}
+    # all cases fly one vehicle
     truth = load_scenario(CASES[0]).agent.vehicle
     return {
         "plants": list(dict.fromkeys(log.info["plant"] for log in logs)),
         **{name: info[name] for name in same},
         "integrators": {log.info["plant"]: log.info["integrator"] for log in logs},
         "physics_step_s": {
+            # one Runge-Kutta step a control period; MuJoCo steps at the physics rate
             "rigid_body": 1.0 / info["rates_hz"]["control"],
             "mujoco": 1.0 / info["rates_hz"]["physics"],
         },

@@ -33,7 +33,8 @@ def settings_table(evidence: Record) -> Table:
     """Table of the inferred settings: continuous ones with their range of nearly equal
     loss, and discrete choices.
     """
-    study, stages = unstated_study(), evidence["stages"]
+    study = unstated_study()
+    stages = evidence["stages"]
     settings = stages["fit"]["settings"]
     rows = []
     for name in study["fit"]["free"]:
@@ -49,6 +50,7 @@ def settings_table(evidence: Record) -> Table:
         )
     for name, taken in study["fit"]["choices"].items():
         choice = table_by_name(study["choices"], name)
+        # a choice has no range: what was not taken stands in its place
         others = [each["words"] for each in choice["options"] if each["name"] != taken]
         rows.append(
             (
@@ -117,12 +119,11 @@ def profile_tables(evidence: Record) -> list[Table]:
     """Tables of the misfit over each continuous setting, with the others held fixed,
     and with the others refitted.
     """
-    study, tables = unstated_study(), []
+    study = unstated_study()
+    tables = []
     for name in study["fit"]["free"]:
-        stage, each = (
-            evidence["stages"][f"profile {name}"],
-            table_by_name(study["parameters"], name),
-        )
+        stage = evidence["stages"][f"profile {name}"]
+        each = table_by_name(study["parameters"], name)
         columns = zip(stage["value"], stage["held"], stage["refitted"], strict=True)
         rows = [
             (number(value), f"{fixed:.1f}", f"{again:.1f}")
@@ -141,7 +142,8 @@ def rivals_table(evidence: Record) -> Table:
     """Table of alternative explanations of published numbers: misfit with each alone,
     and in addition to the fit.
     """
-    study, rows = unstated_study(), []
+    study = unstated_study()
+    rows = []
     for rival in study["rivals"]:
         stage = evidence["stages"][f"rival {rival['name']}"]
         row = [rival["words"]]
@@ -174,7 +176,8 @@ def prediction_table(results: Record, predicted: Record, plant: str) -> Table:
     ``predicted`` are the experiments of results whose inferred column has the predicted
     settings.
     """
-    seen, rows = table_by_name(unstated_study()["predictions"], PREDICTION)["seen"], []
+    seen = table_by_name(unstated_study()["predictions"], PREDICTION)["seen"]
+    rows = []
     columns = (
         (results["experiments"], stated_value),
         (predicted, inferred_value),
@@ -248,7 +251,8 @@ def _share(agreement: Record, within: str) -> str:
 
 def inferred_facts(evidence: Record) -> Facts:
     """Inferred settings and their origin, as plain data for the results file."""
-    fit, settings = unstated_study()["fit"], evidence["stages"]["fit"]["settings"]
+    fit = unstated_study()["fit"]
+    settings = evidence["stages"]["fit"]["settings"]
     facts = {
         "numbers": len(fit["free"]),
         "choices": len(fit["choices"]),

@@ -56,6 +56,7 @@ def is_of_this_study(evidence: Record) -> bool:
     flights = {
         each["name"]: stated_tables(study, each["name"]) for each in study["flights"]
     }
+    # settings of another study are shown with a note, not refused
     return bool(evidence.get("study_digest") == study_digest(study, flights))
 
 
@@ -67,7 +68,8 @@ def settings_in(evidence: Record, kind: str) -> Record:
 
 def inferred_scenario(flight: PaperFlight, settings: Record) -> Scenario:
     """Scenario of one flight with inferred settings."""
-    study, name = unstated_study(), f"{flight.case} {flight.controller}"
+    study = unstated_study()
+    name = f"{flight.case} {flight.controller}"
     tables = scenario_tables(study, stated_tables(study, name), name, settings)
     planned = scenario_from(tables, replaced={"plant": flight.plant})
     changed = with_numbers(planned, numbers(study, name, settings))

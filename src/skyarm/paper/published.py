@@ -66,9 +66,8 @@ def published_number(case: str, controller: str, metric: str) -> str:
     """Published number as printed in the table or stated in the text; "" if there is
     none.
     """
-    return printed_number(case, controller, metric) or _TABLES["said"].get(
-        case, {}
-    ).get(controller, {}).get(metric, "")
+    said = _TABLES["said"].get(case, {}).get(controller, {})
+    return printed_number(case, controller, metric) or said.get(metric, "")
 
 
 @positional
@@ -112,6 +111,7 @@ def short_title(case: str) -> str:
 def phrase(name: str) -> str:
     """Label of a metric inside of a sentence, such as "mean joint error"."""
     label = metric(name).label
+    # an abbreviation such as IAE keeps its capitals
     return label if label[:2].isupper() else label[:1].lower() + label[1:]
 
 
@@ -122,13 +122,9 @@ def finite_or_none(value: Number) -> float | None:
 
 def digits(value: Number) -> str:
     """Text of a number with three significant digits; a dash for None."""
-    return (
-        "-"
-        if value is None
-        else "0"
-        if value == 0.0
-        else f"{value:#.3g}".removesuffix(".")
-    )
+    if value is None:
+        return "-"
+    return "0" if value == 0.0 else f"{value:#.3g}".removesuffix(".")
 
 
 def relative(ours: Number, paper: Number) -> float | None:
@@ -138,6 +134,7 @@ def relative(ours: Number, paper: Number) -> float | None:
     than the paper's is below -1. None where either is missing or the paper's is zero.
     """
     a, b = finite_or_none(ours), finite_or_none(paper)
+    # divided with its sign: a larger magnitude is positive for negative numbers, too
     return None if a is None or not b else (a - b) / b
 
 
@@ -166,6 +163,7 @@ def reversed_orders(experiments: Record, plant: str) -> list[tuple[str, str]]:
                 for column in ("paper", plant)
                 for c in (cell, other)
             ]
+            # a number that only one law has makes no order
             if None in values:
                 continue
             theirs, ours = (

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from importlib import resources
+from itertools import chain
 
 from skyarm.log.flight_log import Log
 from skyarm.paper import report_text as prose
@@ -112,19 +113,16 @@ def bound_text(ours: Number, paper: Number) -> str:
     missing.
     """
     value, bound = finite_or_none(ours), finite_or_none(paper)
-    return (
-        DASH
-        if value is None or bound is None
-        else "below"
-        if value <= bound
-        else "above"
-    )
+    if value is None or bound is None:
+        return DASH
+    return "below" if value <= bound else "above"
 
 
 def _paper_cell(case: str, controller: str, name: str, paper: Number) -> Cell:
     """HTML table cell of a published number with its printed digits."""
     if paper is None and published_number(case, controller, name):
         return typographic(published_number(case, controller, name))
+    # printed digits stand only for the number that was compared
     written = printed_number(case, controller, name)
     return number_cell(
         paper, written=written if written and float(written) == paper else ""
@@ -190,23 +188,18 @@ def counts_table(experiments: Experiments) -> str:
         for title, column in (("as stated", stated_value), ("inferred", inferred_value))
         for plant in PLANTS
     }
+    found = {
+        case: [counts(experiments, each, in_case(case)) for each in columns.values()]
+        for case in experiments
+    }
     groups = []
+    # from the widest share, which the verdict is about, to the closest
     for share in (25, 10, 5):
-        rows = []
-        for case in experiments:
-            found = [
-                counts(experiments, column, in_case(case))
-                for column in columns.values()
-            ]
-            rows.append(
-                [
-                    title_of(case),
-                    *(
-                        str(each[f"within_{share}%"]) if each else DASH
-                        for each in found
-                    ),
-                ]
-            )
+        name = f"within_{share}%"
+        rows = [
+            [title_of(case), *(str(each[name]) if each else DASH for each in numbers)]
+            for case, numbers in found.items()
+        ]
         groups.append((f"within {share} %", rows))
     return grouped_table(
         ["Case", *columns],
@@ -250,7 +243,9 @@ def experiment_table(case: str, controllers: Mapping[str, Cells]) -> str:
 
 
 def _metric_row(case: str, controller: str, name: str, cell: Record) -> list[Cell]:
-    meant, paper, inferred = metric(name), cell.get("paper"), cell.get("inferred", {})
+    meant = metric(name)
+    paper = cell.get("paper")
+    inferred = cell.get("inferred", {})
     compare = bound_text if meant.bound else difference_text
     return [
         Mark(text=meant.label, title=meant.definition or name),
@@ -382,17 +377,14 @@ def markdown_tables(results: Record) -> str:
         ),
     ]
     for case, controllers in results["experiments"].items():
-        names = [
-            n
-            for n in dict.fromkeys(n for c in controllers.values() for n in c)
-            if not n.endswith(CONTINUOUS)
-        ]
-        rows = [
-            _row(case, controller, name, cells[name], plant)
-            for name in names
-            for controller, cells in controllers.items()
-            if name in cells
-        ]
+        every = dict.fromkeys(chain.from_iterable(controllers.values()))
+        rows = []
+        for name in (n for n in every if not n.endswith(CONTINUOUS)):
+            rows += [
+                _row(case, controller, name, cells[name], plant)
+                for controller, cells in controllers.items()
+                if name in cells
+            ]
         blocks += [f"## {title_of(case)}", markdown(head, rows)]
     blocks += ["## What stays open", "\n".join(f"- {line}" for line in OPEN)]
     return "\n\n".join(blocks) + "\n"
@@ -406,10 +398,8 @@ def _in_a_line(found: Mapping[str, Sequence[str]]) -> str:
 
 
 def _row(case: str, controller: str, name: str, cell: Record, plant: str) -> list[str]:
-    paper, inferred = (
-        published_number(case, controller, name) or "-",
-        cell.get("inferred", {}),
-    )
+    paper = published_number(case, controller, name) or "-"
+    inferred = cell.get("inferred", {})
     ours = [digits(column.get(each)) for column in (cell, inferred) for each in PLANTS]
     apart = [percent(column.get(plant), cell["paper"]) for column in (cell, inferred)]
     return [metric(name).label, metric(name).unit, controller, paper, *ours, *apart]
@@ -464,8 +454,10 @@ def report_pages(
         for each case. Scripts, styles and images are inside; no address is outside the
         folder.
     """
-    experiments, plant = results.get("experiments", {}), first_plant(results)
-    drawn, files = pictures or {}, case_files(experiments)
+    experiments = results.get("experiments", {})
+    plant = first_plant(results)
+    drawn = pictures or {}
+    files = case_files(experiments)
     sections = [
         ("verdict", "Every count", _counts(results, plant)),
         *([("inferred", "Inferred settings", inferred)] if inferred else []),
@@ -541,8 +533,10 @@ def _case_page(
     """Report page of a case: plots of its flights, table of its numbers, and redrawn
     figures.
     """
+    # figures show the first plant that has flown the case
     flown = next((each for each, cases in logs.items() if cases.get(case)), "")
-    flights, redrawn = _flights(case, drawn, flown), _paper_figures(case, drawn, plant)
+    flights = _flights(case, drawn, flown)
+    redrawn = _paper_figures(case, drawn, plant)
     sections = [
         *([("flights", "Flights", flights)] if flights else []),
         ("numbers", "Numbers", experiment_table(case, laws)),
@@ -556,6 +550,7 @@ def _case_page(
 def _kinds(case: str) -> dict[str, str]:
     """Kinds of plots of a case's flights, each with its words."""
     kinds = {"tracking": "base and joints", "tip": "tip and its error"}
+    # Case 3 alone flies a path; elsewhere the base hovers
     return kinds | {"path": "path of the tip"} if case == "case3" else kinds
 
 
@@ -623,12 +618,11 @@ def _assumptions() -> str:
 
 
 def _episodes(logs: Logs) -> str:
-    flown = [
-        (f"{plant}, {title_of(case)}, {law}", log)
-        for plant, cases in logs.items()
-        for case, laws in cases.items()
-        for law, log in laws.items()
-    ]
+    flown = []
+    for plant, cases in logs.items():
+        for case, laws in cases.items():
+            title = f"{plant}, {title_of(case)}"
+            flown += [(f"{title}, {law}", log) for law, log in laws.items()]
     if not flown:
         return ""
     ended = [(name, log) for name, log in flown if log.status != "completed"]

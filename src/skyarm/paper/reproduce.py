@@ -60,7 +60,7 @@ from skyarm.records.files import (
 )
 from skyarm.records.files.writing import one_writer
 from skyarm.scenario.scenario_record import PLANTS
-from skyarm.studies.flights import Crew, Rows, Store, Work
+from skyarm.studies.flights import Rows, Store, Work, WorkRunner
 from skyarm.studies.flights.executor import Progress, require_place
 from skyarm.studies.flights.store import unpack_rows
 from skyarm.view.figures.paper_figures import overview_figure, paper_figures
@@ -90,21 +90,19 @@ class Campaign:
 
     def all_logs(self) -> list[Log]:
         """Flight logs of all cases of Barakou et al. 2026."""
-        return [
-            log
-            for cases in self.logs.values()
-            for pair in cases.values()
-            for log in pair.values()
-        ]
+        pairs = [pair for cases in self.logs.values() for pair in cases.values()]
+        return [log for pair in pairs for log in pair.values()]
 
     def keep(self, work: Work, rows: Rows) -> None:
         """Store the results of one simulated flight."""
         case, law, plant, settings = map(str, work.fixed.values())
         self.found.setdefault(settings, {})[case, law, plant] = {
+            # JSON has no NaN
             name: None if np.isnan(column[0]) else float(column[0])
             for name, column in rows.items()
             if column.dtype.kind == "f" and name != "end_time"
         }
+        # logs of the stated settings alone: they are drawn and written
         if work.keeps_log:
             content = self.files[plant, case, law] = rows["log"][0]
             self.logs.setdefault(plant, {}).setdefault(case, {})[law] = log_from_npz(
@@ -129,19 +127,18 @@ def works(
         inferred: fly them.
     """
     planned = [work_of(flight, scenario(flight)) for flight in flights(plants)]
-    planned += [
-        work_of(flight, each.change(scenario(flight)), each.name)
-        for each in chosen
-        if each.change is not None
-        for flight in flights(plants[:1])
-        if flight.case in each.cases
-    ]
-    evidence = evidence or shipped_evidence()
-    planned += [
-        inferred_work(flight, evidence, kind)
-        for kind, flown in ((INFERRED, plants), (PREDICTED, plants[:1]))
-        for flight in (flights(flown) if inferred else ())
-    ]
+    first = flights(plants[:1])
+    for each in chosen:
+        if each.change is not None:
+            planned += [
+                work_of(flight, each.change(scenario(flight)), each.name)
+                for flight in first
+                if flight.case in each.cases
+            ]
+    if inferred:
+        evidence = evidence or shipped_evidence()
+        for kind, flown in ((INFERRED, flights(plants)), (PREDICTED, first)):
+            planned += [inferred_work(flight, evidence, kind) for flight in flown]
     return planned
 
 
@@ -180,7 +177,7 @@ def run_campaign(
         work for work in every if work.keeps_log and work.fixed["plant"] == plants[0]
     ]
     landed: dict[str, bytes] = {}
-    with Crew(on, workers, store) as crew:
+    with WorkRunner(on, workers, store) as crew:
         for work, content in crew.fly(every):
             landed[work.label] = content
             if progress is not None:
@@ -245,6 +242,7 @@ class Drawing:
             self._left = self._drawings(logs())
         if self._left:
             self._left[0]()
+            # only after it is drawn: what fails stays, and is raised at the end
             del self._left[0]
         return bool(self._left)
 
@@ -316,11 +314,14 @@ def reproduce(
         NoMachineCodeError: before any flight; as Python floats all flights take hours.
         OSError: the folder or a file in it cannot be written; raised before any flight.
     """
+    # before any flight: as Python floats all of them take hours
     require_machine_code()
     if on is not None:
         require_place(on)
-    folder, say = prepare_folder(out, plants), note or (lambda _line: None)
+    folder = prepare_folder(out, plants)
+    say = note or (lambda _line: None)
     evidence = evidence or shipped_evidence()
+    # two commands would mix their flights in one folder
     with one_writer(folder):
         store = Store.if_kept(folder)
         if store is None:
@@ -396,6 +397,7 @@ def prepare_folder(out: PathLike, plants: Sequence[str]) -> Path:
     folder = require_writable(out)
     for inner in ("figures", *(f"logs/{plant}" for plant in plants)):
         require_writable(folder / inner)
+    # hours of flights should not end in a file that cannot be written
     require_replaceable(*_files(folder, plants))
     return folder
 
@@ -419,6 +421,7 @@ def _files(folder: Path, plants: Sequence[str]) -> list[Path]:
 
 
 def _json(value: Record) -> bytes:
+    # NaN would be no JSON: it is an error here, not a file that others refuse
     return (json.dumps(value, indent=1, allow_nan=False) + "\n").encode()
 
 

@@ -23,6 +23,7 @@ def reproduce(
     reasons: results.json, table2.md, Figures 3-18 and report.html. The same command
     continues what was interrupted (extra: sweep).
     """
+    # imported in the call, so that other commands start without them
     from skyarm.paper.reproduce import prepare_folder
     from skyarm.paper.reproduce import reproduce as perform
     from skyarm.paper.verdict_sentences import verdict

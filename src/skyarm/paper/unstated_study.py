@@ -55,6 +55,7 @@ def table_by_name(tables: Iterable[Tables], name: str) -> Tables:
 
 def digest_of(facts: Tables) -> str:
     """SHA-256 digest of nested plain values."""
+    # sorted, as a study is the same in any order of its entries
     return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
 
 
@@ -75,6 +76,7 @@ def laid_over(below: Tables, above: Tables) -> dict[str, Any]:
     merged = dict(below)
     for name, value in above.items():
         stored = merged.get(name)
+        # TOML has no null: an empty table stands for one
         if value == {}:
             merged.pop(name, None)
             continue
@@ -169,6 +171,7 @@ def slack_distance(ours: Array, cells: Sequence[PublishedNumber]) -> Array:
     """
     measured, half = _columns(cells)
     apart = np.maximum(np.abs(ours - measured) - half, 0.0)
+    # a missing number agrees within no share
     return np.where(np.isfinite(ours), apart, np.inf)
 
 
@@ -193,7 +196,9 @@ def losses(
     a missing number are as far as can be.
     """
     measured, half = _columns(cells)
+    # of our number, give or take the printed rounding, the value closest to the paper's
     nearest = np.clip(measured, ours - half, ours + half)
+    # numbers of other signs have no logarithm: they get WORST below
     with np.errstate(all="ignore"):
         u = np.log(nearest / measured) / width
     u = np.where(np.isfinite(u), np.minimum(np.abs(u), WORST), WORST)

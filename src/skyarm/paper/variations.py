@@ -66,10 +66,12 @@ class Variation:
 
 def reshaped_ramps(planned: Scenario, shape: str) -> Scenario:
     """Scenario of Case 1 with quintic blends or steps in place of linear ramps."""
+    # Case 1: up, hold, back, down, hold, back
     heights = (0.3, 0.3, 0.0, -0.3, -0.3, 0.0)
     rise = 1.0 if shape == "quintic" else STEP_RISE
     segments: list[tuple[float, float]] = []
     for height, seconds in zip(heights, (1.0, 5.0, 1.0, 1.0, 5.0, 1.0), strict=True):
+        # a ramp that is faster than its segment holds its end for the rest
         moving = min(rise, seconds)
         segments += [(moving, height)] + (
             [(seconds - moving, height)] if seconds > moving else []

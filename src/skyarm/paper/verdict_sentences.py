@@ -4,6 +4,8 @@ its results.
 
 from __future__ import annotations
 
+from functools import partial
+
 from skyarm.paper.counted_cells import Column, counts, inferred_value, stated_value
 from skyarm.paper.flights import first_plant
 from skyarm.paper.inferred_settings import unstated_study
@@ -15,7 +17,7 @@ from skyarm.paper.published import (
     reversed_orders,
     short_title,
 )
-from skyarm.paper.unstated_study import table_by_name
+from skyarm.paper.unstated_study import PublishedNumber, table_by_name
 from skyarm.records.immutable import positional
 
 NEAR = "within_25%"
@@ -26,9 +28,9 @@ LAWS = {"CT": "the paper's law CT", "PD": "its baseline PD"}
 
 @positional
 class _Group:
-    """Numbers of one quantity, and how many of them agree."""
+    """Numbers of one quantity, such as joint errors, and how many of them agree."""
 
-    words: str
+    quantity: str
     near: int
     cells: int
 
@@ -46,7 +48,8 @@ def verdict(results: Record) -> tuple[str, str, str]:
     """Three sentences on the first plant of results: what agrees, what differs, and
     why.
     """
-    experiments, plant = results.get("experiments", {}), first_plant(results)
+    experiments = results.get("experiments", {})
+    plant = first_plant(results)
     stated, inferred = (
         counts(experiments, column(plant)) for column in (stated_value, inferred_value)
     )
@@ -58,10 +61,11 @@ def verdict(results: Record) -> tuple[str, str, str]:
         )
     groups = _groups(experiments, stated_value(plant))
     worst, best = groups[0], groups[-1]
-    near, cells = int(stated[NEAR]), int(stated["cells"])
+    near = int(stated[NEAR])
+    cells = int(stated["cells"])
     agrees = (
         f"{near} of the paper's {cells} numbers agree within 25 %, among them"
-        f" {best.count} {best.words}."
+        f" {best.count} {best.quantity}."
     )
     if near == cells:
         return (
@@ -70,8 +74,8 @@ def verdict(results: Record) -> tuple[str, str, str]:
             "The settings that the paper states are enough.",
         )
     differs = (
-        f"{worst.words.capitalize()} agree least,"
-        f" {worst.count}{_example(experiments, plant, worst.words)}."
+        f"{worst.quantity.capitalize()} agree least,"
+        f" {worst.count}{_example(experiments, plant, worst.quantity)}."
     )
     if not inferred:
         return (
@@ -90,15 +94,17 @@ def _groups(experiments: Record, column: Column) -> list[_Group]:
     group is last.
     """
     found = []
-    for words in dict.fromkeys(each.quantity for each in METRICS.values()):
-        near = counts(
-            experiments,
-            column,
-            lambda cell, words=words: metric(cell.name).quantity == words,
-        )  # type: ignore[misc]
+    for quantity in dict.fromkeys(each.quantity for each in METRICS.values()):
+        near = counts(experiments, column, partial(_is_of, quantity))
         if near:
-            found.append(_Group(words, int(near[NEAR]), int(near["cells"])))
+            found.append(_Group(quantity, int(near[NEAR]), int(near["cells"])))
+    # by share, and of equal shares by size: the largest is the strongest evidence
     return sorted(found, key=lambda group: (group.near / group.cells, group.cells))
+
+
+def _is_of(quantity: str, cell: PublishedNumber) -> bool:
+    """True if a published number is one of a quantity, such as joint errors."""
+    return metric(cell.name).quantity == quantity
 
 
 def _example(experiments: Record, plant: str, quantity: str) -> str:
@@ -108,6 +114,7 @@ def _example(experiments: Record, plant: str, quantity: str) -> str:
     for case, name in reversed_orders(experiments, plant):
         if metric(name).quantity == quantity:
             ct, pd = (abs(experiments[case][law][name]["paper"]) for law in LAWS)
+            # magnitudes: of these metrics the smaller is the better
             theirs, ours = LAWS.values() if ct < pd else reversed(LAWS.values())
             where = f"by {phrase(name)} in {short_title(case)}"
             return (

@@ -24,7 +24,8 @@ def plan_arrays(plan: Plan) -> dict[str, Any]:
     a contact on the tip.
     """
     vehicle = plan.task.vehicle
-    x, at = plan.x, plan.stage.at
+    x = plan.x
+    at = plan.stage.at
     joints = x[:, at.joints]
     R = Quaternion(*x[:, 3:7].T).rotation()
     center = center_of_mass(vehicle, x[:, :3], x[:, 3:7], joints)

@@ -14,6 +14,7 @@ from skyarm.records.arrays import Array, doubles, float_array, lengths
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.records.read_table import entry_of
+from skyarm.world.contact.surface import Surface
 
 
 @immutable
@@ -30,7 +31,7 @@ class Tight:
 
 
 @immutable
-class Summary:
+class PlanSummary:
     """Numbers of a plan.
 
     Attributes:
@@ -66,7 +67,7 @@ class Summary:
     iterations: int
 
 
-def summary(plan: Plan) -> Summary:
+def summary(plan: Plan) -> PlanSummary:
     """Numbers of a plan: lengths, peaks, what is tight, clearance, and what it cost to
     find.
     """
@@ -75,15 +76,12 @@ def summary(plan: Plan) -> Summary:
     joints = vehicle.joint_names
     torque = rate = None
     if joints:
-        rate = _tightest(
-            plan.t,
-            np.abs(plan.x[:, plan.stage.at.joint_rates]) / task.limits.joint_rate,
-            joints,
-        )
+        rates = np.abs(plan.x[:, plan.stage.at.joint_rates])
+        rate = _tightest(plan.t, rates / task.limits.joint_rate, joints)
         torque = _tightest(plan.t, np.abs(plan.torques) / efforts, joints)
     names = [phase.name or phase.kind for phase in task.phases]
     near = plan.nearest
-    return Summary(
+    return PlanSummary(
         duration=float(plan.t[-1]),
         phases=tuple(zip(names, plan.durations, strict=True)),
         speed=float(lengths(plan.x[:, 7:10]).max()),
@@ -94,7 +92,7 @@ def summary(plan: Plan) -> Summary:
         torque=torque,
         joint_rate=rate,
         clearance=near.gap if math.isfinite(near.gap) else None,
-        nearest=near.words,
+        nearest=near.bodies,
         short=f"{task.limits.clearance:g} m: {near.short}" if near.short else "",
         rotor_lag=float(plan.lags.max()),
         fast=", ".join(
@@ -122,7 +120,7 @@ def _tightest(t: Array, shares: Array, names: tuple[str, ...]) -> Tight:
     return Tight(name=names[int(j)], share=float(shares[k, j]), time=float(t[k]))
 
 
-def summary_lines(name: str, found: Summary) -> list[str]:
+def summary_lines(name: str, found: PlanSummary) -> list[str]:
     """Lines of text of a summary."""
     parts = ", ".join(f"{each} {length:.3g} s" for each, length in found.phases)
     lines = [f"{name}: {found.duration:.3f} s ({parts})"]
@@ -130,15 +128,15 @@ def summary_lines(name: str, found: Summary) -> list[str]:
         f"base: at most {found.speed:.2f} m/s, tilted by {math.degrees(found.tilt):.1f}"
         " degrees"
     )
-    for words, each in (
+    for quantity, each in (
         ("rotor thrust", found.rotor),
         ("joint torque", found.torque),
         ("joint rate", found.joint_rate),
     ):
         if each is not None:
             lines.append(
-                f"{words}: at most {100.0 * each.share:.0f} % of the limit, {each.name}"
-                f" at {each.time:.2f} s"
+                f"{quantity}: at most {100.0 * each.share:.0f} % of the limit,"
+                f" {each.name} at {each.time:.2f} s"
             )
     if found.clearance is not None:
         lines.append(f"clearance: {found.clearance:.3f} m, {found.nearest}")
@@ -183,38 +181,29 @@ def flight_document(plan: Plan, file: Path, vehicle: str) -> dict[str, Entry]:
     task, tilt = plan.task, summary(plan).tilt
     law: dict[str, Entry] = {"law": "nmpc", "mode": "plan"}
     if tilt <= LEANING:
+        # the law limits the tangent: half more than planned, for errors, and below 1.4
+        # rad, where the tangent grows without end
         lean = round(max(1.2, 1.5 * math.tan(min(tilt + 0.1, 1.4))), 3)
         law = {"law": "centroidal", "mode": "joint", "bandwidth": 1.0, "tilt": lean}
     world: dict[str, Any] = dict(task.world or {})
     stated = [each.get("name") for each in world.get("surfaces", [])]
+    # those of the task's world are in its table already
     own = [each for each in task.obstacles if each.name not in stated]
     if own:
-        words = ("name", "shape", "size", "position", "angles")
-        rows = [
-            {
-                word: getattr(each, word)
-                for word in words
-                if word == "name" or getattr(each, word)
-            }
-            for each in own
-        ]
-        world["surfaces"] = [
-            *world.get("surfaces", []),
-            *({k: entry_of(v) for k, v in row.items()} for row in rows),
-        ]
+        world["surfaces"] = [*world.get("surfaces", []), *map(_surface_row, own)]
     events = gripper_events(plan)
     world["grippers"] = [
         each | ({"closed": events[each["name"]]} if each.get("name") in events else {})
         for each in world.get("grippers", [])
     ]
     world = {name: entry for name, entry in world.items() if entry}
+    # whole control periods; one that is whole but for rounding is not prolonged
+    periods = math.ceil(200.0 * (float(plan.t[-1]) + 2.0 * SETTLE) - 1e-6)
+    duration = periods / 200.0
     document: dict[str, Entry] = {
         "schema": 1,
         "name": task.name,
-        # whole control periods
-        "duration": (
-            math.ceil(200.0 * (float(plan.t[-1]) + 2.0 * SETTLE) - 1e-6) / 200.0
-        ),
+        "duration": duration,
         # the plan is known on board: its reference comes in each control period
         "rates": {"control": 200, "reference": 200},
         "plant": {"vehicle": vehicle, "gravity": task.gravity},
@@ -223,6 +212,15 @@ def flight_document(plan: Plan, file: Path, vehicle: str) -> dict[str, Entry]:
         "reference": {"kind": "plan", "file": str(file), "start": SETTLE},
     }
     return document | ({"world": world} if world else {})
+
+
+def _surface_row(obstacle: Surface) -> dict[str, Entry]:
+    """Table of an obstacle; keys whose values are the defaults are left out."""
+    row: dict[str, Entry] = {"name": entry_of(obstacle.name)}
+    for key in ("shape", "size", "position", "angles"):
+        if value := getattr(obstacle, key):
+            row[key] = entry_of(value)
+    return row
 
 
 def gripper_events(plan: Plan) -> dict[str, Entry]:
@@ -238,6 +236,7 @@ def gripper_events(plan: Plan) -> dict[str, Entry]:
     commands: dict[str, Entry] = {}
     for name, rows in times.items():
         pieces: list[Entry] = (
+            # a gripper that opens first was closed before
             [] if rows[0][1] else [{"kind": "constant", "value": 1, "stop": rows[0][0]}]
         )
         for (at, closes), ends in zip(

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import ZERO3_DATA, Quaternion, Vec3
+from skyarm.algebra.frames import continuous
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
-from skyarm.dynamics.actuators.hover import highest_thrust
+from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
 from skyarm.dynamics.state import example_state
 from skyarm.planning.seeds import free_distance, ways_around
 from skyarm.planning.solver import (
@@ -26,16 +27,16 @@ from skyarm.planning.solver import (
     TOLERANCE,
     Guess,
     PlanProblem,
+    PlanSolver,
     Solution,
-    Solver,
 )
 from skyarm.planning.stage import (
     SPIN_UNIT,
     CompiledStage,
-    Limits,
-    Place,
-    Stage,
+    ObstaclePlace,
+    PlanStage,
     StageData,
+    StageLimits,
     largest,
 )
 from skyarm.planning.task import Goal, PlanPhase, Start, Task
@@ -43,7 +44,6 @@ from skyarm.records.arrays import Array, doubles, float_array, norm, stack_value
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
-from skyarm.reference.planned_motion import same_signs
 from skyarm.world.contact.surface import Surface
 from skyarm.world.scene.clearance import Clearances, clearances
 from skyarm.world.scene.vehicle_shapes import boom_and_disc
@@ -88,8 +88,8 @@ class Nearest:
     """Smallest distance between two bodies along a plan.
 
     Attributes:
-        gap: m, of all. time: s, and words: the bodies. apart: from obstacles, m. pairs:
-            of own bodies that meet.
+        gap: m, of all. time: s. bodies: names of both. apart: from obstacles, m.
+            pairs: of own bodies that meet.
         short: which obstacles and own bodies come nearer than the task's clearance, and
             when; empty if none.
         missing: distance (m) from obstacles that each node lacks, of what the task
@@ -99,7 +99,7 @@ class Nearest:
     gap: float = math.inf
     apart: float = math.inf
     time: float = 0.0
-    words: str = ""
+    bodies: str = ""
     pairs: frozenset[tuple[str, str]] = frozenset()
     short: str = ""
     missing: Array | float = 0.0
@@ -117,7 +117,7 @@ class Plan:
     """
 
     task: Task
-    stage: Stage
+    stage: PlanStage
     compiled: CompiledStage
     data: Array
     t: Array
@@ -178,17 +178,16 @@ class Plan:
             ]
         ).T
         spins = self.u[:, : len(rotors)] * SPIN_UNIT
-        largest = np.max(
-            (np.where(spins > 0.0, times[0], times[1]) + REACTION) * np.abs(spins),
-            axis=1,
-        )
-        return np.array([largest[a:b].max() for a, b in itertools.pairwise(self.edges)])
+        delays = np.where(spins > 0.0, times[0], times[1]) + REACTION
+        worst = np.max(delays * np.abs(spins), axis=1)
+        return np.array([worst[a:b].max() for a, b in itertools.pairwise(self.edges)])
 
 
+# each longer plan of a task has the stage of the one before, so it compiles once
 @lru_cache(maxsize=8)
 def compiled_stage(**fields: Any) -> CompiledStage:
     """Compiled stage with given fields, such as model, limits and shape."""
-    return CompiledStage(Stage(**fields))
+    return CompiledStage(PlanStage(**fields))
 
 
 def stage_of(task: Task, met: Collection[tuple[str, str]] = ()) -> CompiledStage:
@@ -198,7 +197,8 @@ def stage_of(task: Task, met: Collection[tuple[str, str]] = ()) -> CompiledStage
     them.
     """
     own = task.limits
-    fields = [each.name for each in dataclasses.fields(Limits) if each.name != "ranges"]
+    names = [each.name for each in dataclasses.fields(StageLimits)]
+    stated = {name: getattr(own, name) for name in names if name != "ranges"}
     near = clearances(
         task.vehicle, [placeholder(k, each) for k, each in enumerate(task.obstacles)]
     )
@@ -214,9 +214,7 @@ def stage_of(task: Task, met: Collection[tuple[str, str]] = ()) -> CompiledStage
     close = dataclasses.replace(near, pairs=tuple(pairs)) if pairs else None
     return compiled_stage(
         model=Model(vehicle=task.vehicle, gravity=task.gravity),
-        limits=Limits(
-            ranges=ranges_of(task), **{name: getattr(own, name) for name in fields}
-        ),
+        limits=StageLimits(ranges=ranges_of(task), **stated),
         contact=any(phase.kind == "contact" for phase in task.phases),
         free=sum(phase.duration is None for phase in task.phases),
         clearances=close,
@@ -258,6 +256,7 @@ def ranges_of(task: Task) -> tuple[tuple[float, float], ...]:
         task.vehicle.joints, zip(*stated_joints(task), strict=True), strict=True
     ):
         low, high = joint.ends
+        # a share of an endless range would be endless, too
         margin = JOINT_MARGIN * (high - low) if math.isfinite(high - low) else 0.0
         found.append(
             (
@@ -275,16 +274,17 @@ def placeholder(k: int, obstacle: Surface) -> Surface:
     return Surface(
         name=f"obstacle{k}",
         shape=obstacle.shape,
+        # no zeros and no equal sizes, since the trace would take them for structure
         size=tuple(1.0 + 0.1 * i for i, _ in enumerate(obstacle.size)),
         position=Vec3(0.5, 0.25, 0.125),
         angles=Vec3(0.5, 0.25, 0.125),
     )
 
 
-def obstacle_places(task: Task, stage: CompiledStage) -> tuple[Place, ...]:
+def obstacle_places(task: Task, stage: CompiledStage) -> tuple[ObstaclePlace, ...]:
     """Obstacles of a task as the data of a compiled stage."""
     return tuple(
-        Place.of(task.obstacles[int(each.name.removeprefix("obstacle"))])
+        ObstaclePlace.of(task.obstacles[int(each.name.removeprefix("obstacle"))])
         for each in stage.stage.obstacles
     )
 
@@ -352,6 +352,7 @@ def outline(task: Task) -> Outline:
 
 def usual_length(distance: float) -> float:
     """Length (s) of a free motion to begin from."""
+    # from rest to rest at 6 m/s^2, first faster and then slower
     return max(0.6, 2.0 * math.sqrt(distance / 6.0))
 
 
@@ -367,12 +368,16 @@ def problem_of(
     example = dataclasses.replace(
         stage.stage.example(),
         obstacles=obstacle_places(task, stage),
+        # half of a squared residual is a cost, so that a second costs the weight
         hurry=math.sqrt(2.0 * TIME_WEIGHTS[task.minimise]),
     )
-    total, free = sum(counts), itertools.count()
+    total = sum(counts)
+    free = itertools.count()
     goals = np.zeros((total + 1, stage.goals.stop - stage.goals.start), dtype=bool)
     limits = np.ones((total + 1, len(stage.names)), dtype=bool)
-    limits[0, stage.input_limits :], limits[-1, : stage.input_limits] = False, False
+    # the first state is given, and no input follows the last one
+    limits[0, stage.input_limits :] = False
+    limits[-1, : stage.input_limits] = False
     heading = stage.names.index("heading")
     endless = {
         f"torque of {each.name}"
@@ -380,6 +385,7 @@ def problem_of(
         if math.isinf(float(each.effort_limit))
     }
     for k, name in enumerate(stage.names):
+        # lengths of free phases are the unknowns of the first state
         limits[0, k] |= name.startswith("length of")
         # no input is left at the last node, but for a contact its torque follows from
         # the state
@@ -387,25 +393,22 @@ def problem_of(
             name.startswith("torque of") and task.phases[-1].contact is None
         )
         limits[:, k] &= name not in endless
+    # without a goal any heading is right; where one is stated, see below
     limits[:, heading] = False
     rows: list[StageData] = []
     edge = 0
     for phase, following, count in zip(
         task.phases, [*task.phases[1:], None], counts, strict=True
     ):
-        data = _data(
-            example,
-            phase,
-            count,
-            next(free) if phase.duration is None else None,
-            stage.stage.weight,
-        )
+        number = next(free) if phase.duration is None else None
+        data = _data(example, phase, count, number, stage.stage.weight)
         rows += [data] * count
         last = edge + count
         for name in goal_names(phase.to):
             goals[last, stage.goal[name]] = True
         limits[last, heading] = phase.to.heading is not None
         if phase.resting:
+            # the first state is given, so a goal there could not be met
             goals[edge + (edge == 0) : last + 1, stage.goal["tip_velocity"]] = True
         if phase.contact is not None and phase.contact.kind == "plane":
             # one node is free where the end is stated: else its place would be stated
@@ -421,19 +424,34 @@ def problem_of(
             for k, name in enumerate(stage.names)
             if name in ("contact force", "friction")
         ]
+        # a bar is held around, so that its force may have any direction
         if cone and (phase.contact is None or phase.contact.kind == "bar"):
             limits[edge:last, cone] = False
-        if phase.to.rest:  # the motion ends smoothly
+        # the motion ends smoothly
+        if phase.to.rest:
             goals[last - 1, stage.goal["inputs"]] = True
         edge = last
+    # rotors begin without acceleration, which laws that follow a plan need
     goals[0, stage.goal["inputs"]] = True
+    table = _stage_table(task, stage, rows, counts, clearance)
+    return PlanProblem(data=table, goals=goals, limits=limits)
+
+
+def _stage_table(
+    task: Task,
+    stage: CompiledStage,
+    rows: Sequence[StageData],
+    counts: Sequence[int],
+    clearance: Array | float,
+) -> Array:
+    """Data of all stages (N + 1, leaves of StageData), with the goals at the edges."""
+    example = rows[0]
     # goals at an edge have the numbers of the phase that ends there; its tilt is the
     # smaller one of both phases
-    table, names = (
-        doubles([leaves(row) for row in (*rows, rows[-1])]),
-        _columns(example),
-    )
-    table[:, names["upright"]], edge = NO_TILT, 0
+    table = doubles([leaves(row) for row in (*rows, rows[-1])])
+    names = _columns(example)
+    table[:, names["upright"]] = NO_TILT
+    edge = 0
     table[:, names["clearance"]] = np.reshape(clearance, (-1, 1))
     for phase, following, count in zip(
         task.phases, [*task.phases[1:], None], counts, strict=True
@@ -443,6 +461,7 @@ def problem_of(
         table[span, names["upright"]] = np.maximum(table[span, names["upright"]], least)
         if phase.duration is None:
             short = [edge] * (edge == 0) + [edge + count - 1] * phase.to.rest
+            # the shares of the other stages still add up to the whole free length
             table[edge : edge + count, names["free"]] *= count / (count - len(short))
             table[short, names["free"]], table[short, names["dt"]] = 0.0, SMOOTH_STEP
         edge += count
@@ -462,7 +481,7 @@ def problem_of(
         ):
             if field in kept or _states(phase.to, field):
                 table[edge, names[field]] = leaves(getattr(ends, field))
-    return PlanProblem(data=table, goals=goals, limits=limits)
+    return table
 
 
 def _states(goal: Goal, field: str) -> bool:
@@ -511,6 +530,7 @@ def goal_names(goal: Goal) -> list[str]:
     return names
 
 
+# below every cosine, so that the limit never acts
 NO_TILT = -2.0
 """Least cosine of the tilt where there is no limit."""
 
@@ -606,6 +626,7 @@ def guess_from(
     u = np.zeros((total, stage.nu))
     for k, phase in enumerate(task.phases):
         if phase.contact is not None:
+            # along the normal, which is within every cone of friction
             u[edges[k] : edges[k + 1], -3:] = 0.3 * np.array([*phase.contact.normal])
     return Guess(x, u)
 
@@ -616,8 +637,10 @@ def _turning(before: Quaternion, after: Quaternion, count: int, sense: float) ->
     """
     turn = before.conjugate() * after
     vector = np.array([*turn])
+    # the sign with the shorter turn; at half a turn rounding must not choose the side
     vector = -vector if vector[0] < -1e-9 else vector
     size = norm(vector[1:])
+    # without a turn any axis is right, and 0 / 0 must not arise
     axis = vector[1:] / size if size > 1e-9 else np.array([0.0, 0.0, 1.0])
     angle = 2.0 * math.atan2(size, vector[0])
     angle = angle if sense > 0.0 else angle - 2.0 * math.pi * (size > 1e-9)
@@ -635,8 +658,6 @@ def start_speeds(task: Task, stage: CompiledStage) -> list[float]:
     """Rotor speeds at the start over those of hover: the trim of a level start, else a
     quarter of its thrust.
     """
-    from skyarm.dynamics.actuators.hover import hover_trim
-
     trim = hover_trim(
         task.vehicle, task.start.joints or task.vehicle.zeros, task.gravity
     )
@@ -670,7 +691,8 @@ def plan(
         PlanError: no plan within the limits; one line with the phase, the constraint
             and how far it is off. Or no plan within ``seconds``.
     """
-    begun, met = time.perf_counter(), set[tuple[str, str]]()
+    begun = time.perf_counter()
+    met: set[tuple[str, str]] = set()
 
     def watch(line: str) -> None:
         if time.perf_counter() - begun > seconds:
@@ -761,20 +783,14 @@ def _with_free_lengths(
     if task.minimise == "effort" or not any(free):
         return gentle, ""
     if (gentle.lags[free] > FAR * task.limits.rotor_lag).any():
-        return (
-            gentle,
-            (
-                f"not looked for, rotors lag by over {FAR:g} of limits.rotor_lag with"
-                " the least effort"
-            ),
-        )
+        reason = f"not looked for, rotors lag by over {FAR:g} of limits.rotor_lag"
+        return gentle, f"{reason} with the least effort"
     try:
         return _best_plan(task, watch, met, penalties=PENALTIES[:1]), ""
-    except PlanError:  # a plan within the limits is worth more than the least time
-        return (
-            gentle,
-            "no plan within the limits was found, this one has the least effort",
-        )
+    except PlanError:
+        # a plan within the limits is worth more than the least time
+        reason = "no plan within the limits was found, this one has the least effort"
+        return gentle, reason
 
 
 FAR = 0.5
@@ -791,7 +807,8 @@ def _longer(task: Task, found: Plan, room: float) -> Task | None:
     the factor ``room``.
     """
     over = found.lags / task.limits.rotor_lag
-    phases, grows, coarse = [*task.phases], False, coarse_phases(found)
+    phases, coarse = [*task.phases], coarse_phases(found)
+    grows = False
     for k, (phase, length) in enumerate(zip(task.phases, found.durations, strict=True)):
         if phase.duration is None:
             # a phase whose duration is given is as hard as those beside it make it
@@ -801,12 +818,10 @@ def _longer(task: Task, found: Plan, room: float) -> Task | None:
                 if 0 <= j < len(over) and task.phases[j].duration is not None
             ]
             most = max(over[[k, *beside]])
-            lags = (
-                min(max(most ** (1.0 / 3.0), LENGTHS[0]), LENGTHS[1])
-                if most > 1.0
-                else 1.0
-            )
-            factor = max(lags, room if coarse[k] else 1.0)
+            factor = room if coarse[k] else 1.0
+            if most > 1.0:
+                by_lag = min(max(most ** (1.0 / 3.0), LENGTHS[0]), LENGTHS[1])
+                factor = max(by_lag, factor)
             grows |= factor > 1.0
             phases[k] = dataclasses.replace(phase, duration=float(factor * length))
     return dataclasses.replace(task, phases=tuple(phases)) if grows else None
@@ -821,13 +836,12 @@ def _slower(found: Plan, task: Task) -> Guess:
     slow = np.append(np.repeat(np.diff(edges) / lengths, counts), 1.0)[:, None]
     at = found.stage.at
     x = states_at(found, t)[:, : at.arm.stop]
+    # rates go with the inverse of time, accelerations with its square
     x[:, 7:13] *= slow
     x[:, at.joint_rates] *= slow
     x[:, at.arm] *= slow**2
-    u = found.u[
-        np.clip(np.searchsorted(found.t, t[:-1], side="right") - 1, 0, len(found.u) - 1)
-    ]
-    return Guess(x, u)
+    stages = np.searchsorted(found.t, t[:-1], side="right") - 1
+    return Guess(x, found.u[np.clip(stages, 0, len(found.u) - 1)])
 
 
 def _best_plan(
@@ -847,25 +861,20 @@ def _best_plan(
     """
     shape = outline(task)
     counts = node_counts(task, shape.lengths)
-    stage, clearance = (
-        stage_of(task, met),
-        np.full(sum(counts) + 1, task.limits.clearance),
-    )
+    stage = stage_of(task, met)
+    clearance = np.full(sum(counts) + 1, task.limits.clearance)
     problem = problem_of(task, stage, counts, clearance)
-    senses = (
-        (1.0, -1.0)
-        if abs(task.start.attitude[0]) + abs(task.start.attitude[1]) > 2.0
-        else (1.0,)
-    )
-    guesses = (
-        [first]
-        if first is not None
-        else [
+    roll, pitch, _ = task.start.attitude
+    # a base that is tilted far turns upright about as fast either way round
+    senses = (1.0, -1.0) if abs(roll) + abs(pitch) > 2.0 else (1.0,)
+    if first is not None:
+        guesses = [first]
+    else:
+        guesses = [
             guess_from(task, stage, counts, ways, shape, sense)
             for ways in seeds(task, shape)
             for sense in senses
         ]
-    )
     best, tried = _best_of(stage, problem, guesses, watch, penalties=penalties)
     found: Plan | None = None
     for _ in range(ROUNDS):
@@ -881,7 +890,8 @@ def _best_plan(
         # as much more
         met |= nearest.pairs
         clearance += nearest.missing
-        last, stage = best, stage_of(task, met)
+        last = best
+        stage = stage_of(task, met)
         problem = problem_of(task, stage, counts, clearance)
         best, more = _best_of(
             stage, problem, [Guess(last.x, last.u), *guesses], watch, enough=1
@@ -890,7 +900,7 @@ def _best_plan(
     else:
         if found is None:
             raise PlanError(
-                f"{task.name}: {nearest.words} come within {nearest.gap:.3g} m at"
+                f"{task.name}: {nearest.bodies} come within {nearest.gap:.3g} m at"
                 f" {nearest.time:.3g} s"
             )
     if found is None:
@@ -926,7 +936,7 @@ def _best_of(
         # another seed may be better, but is not worth more than the best one was
         most = best.iterations if solved and best is not None else ITERATIONS
         last = None
-        for last in Solver(stage, penalty).steps(problem, guess, iterations=most):
+        for last in PlanSolver(stage, penalty).steps(problem, guess, iterations=most):
             if last.iterations % 20 == 0:
                 watch(
                     f"seed {tried + 1}: iteration {last.iterations}, violation"
@@ -936,6 +946,7 @@ def _best_of(
         if last is not None and _better(last, best):
             best = last
         solved += last is not None and last.solved
+        # other penalties are only for seeds of which none led to a plan
         if solved >= enough or (solved and tried % len(guesses) == 0):
             break
     return best, tried
@@ -949,8 +960,10 @@ def _plan_of(
     best: Solution,
     tried: int,
 ) -> Plan:
-    free, x = stage.stage.free, best.x.copy()
-    x[:, 3:7] = same_signs(x[:, 3:7])
+    free = stage.stage.free
+    x = best.x.copy()
+    # q and -q are one attitude, but a reference interpolates between the numbers
+    x[:, 3:7] = continuous(x[:, 3:7])
     steps = (
         problem.data[:-1, 0]
         + problem.data[:-1, 1 : 1 + free] @ best.x[0, stage.nx - free :]
@@ -981,6 +994,8 @@ def nearest_of(plan: Plan) -> Nearest:
     near = clearances(plan.task.vehicle, plan.task.obstacles)
     if not near.pairs:
         return Nearest()
+    # every pair at every instant costs most here: steps of 10 ms find where a finer
+    # look is due
     t = np.linspace(0.0, plan.t[-1], max(2, round(plan.t[-1] / (10.0 * FINE)) + 1))
     gaps = _gaps(plan, near, t)
     most = max(0.1, float(gaps.min()) + 0.02)
@@ -994,10 +1009,8 @@ def nearest_of(plan: Plan) -> Nearest:
         ]
         near = dataclasses.replace(near, pairs=tuple(pairs))
         t, gaps = fine, _gaps(plan, near, fine)
-    limit, outer = (
-        plan.task.limits.clearance,
-        np.array([pair.surface is not None for pair in near.pairs]),
-    )
+    limit = plan.task.limits.clearance
+    outer = np.array([pair.surface is not None for pair in near.pairs])
     worst: list[tuple[float, float, str]] = []
     for rows in (np.flatnonzero(outer), np.flatnonzero(~outer)):
         if len(rows):
@@ -1018,13 +1031,13 @@ def nearest_of(plan: Plan) -> Nearest:
     for nodes in (after - 1, after):
         np.maximum.at(missing, nodes, lacks)
     missing[[*plan.edges]] = 0.0
-    gap, time, words = min(worst)
+    gap, time, bodies = min(worst)
     meet = (gaps.min(axis=1) < 0.0) & ~outer
     return Nearest(
         gap=gap,
         apart=worst[0][0] if outer.any() else math.inf,
         time=time,
-        words=words,
+        bodies=bodies,
         pairs=frozenset(
             (near.pairs[i].volume, near.pairs[i].other) for i in np.flatnonzero(meet)
         ),
@@ -1055,10 +1068,12 @@ def states_at(plan: Plan, t: Array) -> Array:
     s = (t - nodes[k])[:, None] / h
     q = Quaternion(*plan.x[:, 3:7].T).derivative(Vec3(*plan.x[:, 10:13].T))
     rates = np.zeros_like(plan.x)
-    rates[:, :3], rates[:, 3:7] = plan.x[:, 7:10], np.stack([*q], axis=1)
+    rates[:, :3] = plan.x[:, 7:10]
+    rates[:, 3:7] = np.stack([*q], axis=1)
     rates[:, at.joints] = plan.x[:, at.joint_rates]
     a, b, va, vb = plan.x[k], plan.x[k + 1], rates[k], rates[k + 1]
     out = a + (b - a) * s
+    # velocities and what follows have no rates in a plan, so they stay linear
     held = [*range(7), *range(at.joints.start, at.joints.stop)]
     cubic = (
         (2 * s**3 - 3 * s**2 + 1) * a
@@ -1133,9 +1148,9 @@ def cause(
         cost = size * np.abs(force)
         cost[:, [name in SMOOTH for name in names]] = 0.0
         node, k = map(int, np.unravel_index(int(cost.argmax()), cost.shape))
-        phase = max(
-            min(int(np.searchsorted(edges, node, side="left")), len(counts)) - 1, 0
-        )
+        # a node at an edge belongs to the phase that ends there
+        after = int(np.searchsorted(edges, node, side="left"))
+        phase = max(min(after, len(counts)) - 1, 0)
         found.append(
             (
                 float(cost[node, k]),
@@ -1146,18 +1161,19 @@ def cause(
     # the goal that is missed, and the limit that is in its way
     _, at, lead = max(found)
     rows = [
-        words
-        for cost, phase, words in found
-        if phase == at and (cost > LEAST_CAUSE or words == lead)
+        text
+        for cost, phase, text in found
+        if phase == at and (cost > LEAST_CAUSE or text == lead)
     ]
-    words = rows[0] + "".join(
+    text = rows[0] + "".join(
         f", {each.replace(' is off by', ' by')}" for each in rows[1:]
     )
+    # one compiled stage serves scenes with other names
     for k, obstacle in enumerate(task.obstacles):
-        words = re.sub(rf"\bobstacle{k}\b", obstacle.name, words)
+        text = re.sub(rf"\bobstacle{k}\b", obstacle.name, text)
     return (
         f"phases[{at}] {task.phases[at].name!r}: no motion within the limits was found:"
-        f" {words}"
+        f" {text}"
     )
 
 
@@ -1194,15 +1210,9 @@ def impossible(task: Task) -> str:
                     f"{at}.joints: {joint.name} = {value:.4g} is beyond its range,"
                     f" {low:.4g} to {high:.4g}"
                 )
-        lean = math.acos(
-            max(
-                -1.0,
-                min(
-                    1.0,
-                    float(attitude(goal.attitude or (0.0,) * 3).rotation().rows[2].z),
-                ),
-            )
-        )
+        up = float(attitude(goal.attitude or (0.0,) * 3).rotation().rows[2].z)
+        # rounding may take the cosine beyond 1
+        lean = math.acos(max(-1.0, min(1.0, up)))
         if lean > tilt + TOLERANCE:
             return f"{at}.attitude: is tilted by {lean:.4g} rad, {stated} is {tilt:.4g}"
         fast = float(goal.velocity.norm()) if goal.velocity else 0.0
@@ -1241,13 +1251,11 @@ def without_support(task: Task) -> str:
     )
     tip: Array | None = float_array(place) if task.vehicle.end_effector else None
     for k, phase in enumerate(task.phases):
-        after = (
-            float_array(phase.to.tip)
-            if phase.to.tip is not None
-            else tip
-            if phase.resting
-            else None
-        )
+        if phase.to.tip is not None:
+            after: Array | None = float_array(phase.to.tip)
+        else:
+            # the plan chooses where a tip without a goal goes
+            after = tip if phase.resting else None
         if (
             phase.contact is not None
             and phase.contact.kind == "plane"

@@ -82,35 +82,25 @@ def _grid(
     """Points of the grid (cells, 3), its shape, and the cells of start and goal."""
     low, high = np.minimum(start, goal) - MARGIN, np.maximum(start, goal) + MARGIN
     for each in obstacles:
+        # a plane has no end that the grid could reach round
         if each.shape != "plane":
-            middle, far = (
-                float_array(each.position),
-                float(each.farthest) + 0.5 * MARGIN,
-            )
+            middle = float_array(each.position)
+            far = float(each.farthest) + 0.5 * MARGIN
             low, high = np.minimum(low, middle - far), np.maximum(high, middle + far)
     far = MARGIN + DETOUR * norm(goal - start)
-    low, high = (
-        np.maximum(low, np.minimum(start, goal) - far),
-        np.minimum(high, np.maximum(start, goal) + far),
-    )
+    low = np.maximum(low, np.minimum(start, goal) - far)
+    high = np.minimum(high, np.maximum(start, goal) + far)
     cell = max(CELL, float(np.prod(high - low) / MOST_CELLS) ** (1.0 / 3.0))
     axes = [np.arange(a, b + cell, cell) for a, b in zip(low, high, strict=True)]
     shape = tuple(map(len, axes))
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    nearest = [
-        int(
-            np.ravel_multi_index(
-                tuple(
-                    np.clip(
-                        np.round((p - low) / cell).astype(int), 0, np.array(shape) - 1
-                    )
-                ),
-                shape,
-            )
-        )
-        for p in (start, goal)
-    ]
-    return points, shape, (nearest[0], nearest[1])
+
+    def nearest(point: Array) -> int:
+        steps = np.round((point - low) / cell).astype(int)
+        inside = np.clip(steps, 0, np.array(shape) - 1)
+        return int(np.ravel_multi_index(tuple(inside), shape))
+
+    return points, shape, (nearest(start), nearest(goal))
 
 
 STEPS = [step for step in itertools.product((-1, 0, 1), repeat=3) if any(step)]
@@ -128,6 +118,7 @@ def _search(
     """
     start, goal = ends
     room, ahead = gaps.tolist(), lengths(points - points[goal]).tolist()
+    # start and goal are given, even where the ball is too large for them
     room[start], room[goal] = max(room[start], 2.0 * ball), max(room[goal], 2.0 * ball)
     cell = float(points[1, 2] - points[0, 2])
     rows, columns, layers = shape
@@ -144,28 +135,30 @@ def _search(
     costs, before, done = {start: 0.0}, {start: start}, set[int]()
     queue = [(ahead[start], start)]
     while queue:
-        _, here = heapq.heappop(queue)
-        if here == goal:
-            way = [here]
+        _, place = heapq.heappop(queue)
+        if place == goal:
+            way = [place]
             while before[way[-1]] != way[-1]:
                 way.append(before[way[-1]])
             return points[way[::-1]]
-        if here in done:
+        # a cell stands in the queue once for each way that was shorter than those
+        # before
+        if place in done:
             continue
-        done.add(here)
-        i, j, k = here // (columns * layers), here // layers % columns, here % layers
+        done.add(place)
+        i, j, k = place // (columns * layers), place // layers % columns, place % layers
         for a, b, c, offset, length in ways:
             if not (0 <= i + a < rows and 0 <= j + b < columns and 0 <= k + c < layers):
                 continue
-            other = here + offset
+            other = place + offset
             # no distance falls faster than a point moves: the least one on the way
             # between both
-            if other in done or room[here] + room[other] - length < 2.0 * ball:
+            if other in done or room[place] + room[other] - length < 2.0 * ball:
                 continue
             # ways close to obstacles are longer
-            cost = costs[here] + length * (1.0 + 0.3 * ball / max(room[other], 0.05))
+            cost = costs[place] + length * (1.0 + 0.3 * ball / max(room[other], 0.05))
             if cost < costs.get(other, math.inf):
-                costs[other], before[other] = cost, here
+                costs[other], before[other] = cost, place
                 heapq.heappush(queue, (cost + ahead[other], other))
     return None
 
@@ -175,6 +168,7 @@ def _is_free(obstacles: Sequence[Surface], a: Array, b: Array, ball: float) -> b
     count = max(2, int(np.linalg.norm(b - a) / 0.03))
     line = a + np.linspace(0.0, 1.0, count)[:, None] * (b - a)
     gaps = free_distance(obstacles, line)
+    # ends may be nearer than the ball; they must pass the strict comparison themselves
     return bool((gaps > min(ball, float(gaps[0]), float(gaps[-1])) * 0.999).all())
 
 
@@ -184,7 +178,9 @@ def _cut_short(obstacles: Sequence[Surface], way: Array, ball: float) -> Array:
     while at < len(way) - 1:
         ends = range(len(way) - 1, at, -1)
         ahead = next(
-            (k for k in ends if _is_free(obstacles, way[at], way[k], ball)), at + 1
+            # the next point always is reached: the search went there
+            (k for k in ends if _is_free(obstacles, way[at], way[k], ball)),
+            at + 1,
         )
         kept.append(ahead)
         at = ahead

@@ -143,7 +143,7 @@ class _Values:
         )
 
 
-class Solver:
+class PlanSolver:
     """Augmented-Lagrangian solver for one compiled stage.
 
     Args:
@@ -157,6 +157,7 @@ class Solver:
     def _read(self, values: Array, problem: PlanProblem) -> _Values:
         s = self.stage
         costs = values[..., s.costs].copy()
+        # no stage follows the last state, so it has no cost
         costs[..., -1, :] = 0.0
         return _Values(
             gap=values[..., :-1, : s.nt],
@@ -182,28 +183,19 @@ class Solver:
         x, u = guess.x, guess.u
         y, z = np.zeros(problem.goals.shape), np.zeros(problem.limits.shape)
         penalty, damping, weight, before = self.penalty, 0.0, 1.0, np.inf
-        inner, lax, stuck = 0, 1e-2, 0
+        # early multipliers are rough, so that their motions need not be exact
+        inner, stuck, lax = 0, 0, 1e-2
         now = self._read(s.values(x, u, problem.data)[0], problem)
-        J, taken, bent = (
-            np.zeros(0),
-            (np.zeros(0), np.zeros(0), np.zeros(0)),
-            np.zeros((s.nt + s.nu,) * 2),
-        )
+        J, taken = np.zeros(0), (np.zeros(0),) * 3
+        bent = np.zeros((s.nt + s.nu,) * 2)
         for k in range(iterations):
-            forces = np.hstack(
-                [y + penalty * now.goals, np.maximum(z + penalty * now.limits, 0.0)]
-            )
+            forces = np.hstack(multipliers(y, z, penalty, now))
             if not len(J):
                 J = s.jacobians(x, u, problem.data)
                 J[-1, s.costs] = 0.0
                 if k:
-                    bent = curvature(
-                        J,
-                        np.hstack(
-                            [now.costs, forces * self._counting(problem, forces)]
-                        ),
-                        *taken,
-                    )
+                    pulls = forces * self._counting(problem, forces)
+                    bent = curvature(J, np.hstack([now.costs, pulls]), *taken)
             Q = self._model(problem, J, now.costs, forces, penalty)
             Q[:, :-1, :-1] += bent
             P, gains = recursion(Q, J[:-1, : s.nt], now.gap, damping)
@@ -211,28 +203,26 @@ class Solver:
             costates = (
                 P[1:, :-1] @ np.hstack([dx[1:], np.ones((len(u), 1))])[:, :, None]
             )[:, :, 0]
+            # the sum of gaps is an exact penalty only with a weight above every
+            # multiplier; it falls slowly, so that merits stay comparable
             weight = max(0.5 * weight, 1.2 * float(np.abs(costates).max()))
             tried = self._read(s.values(x, u, problem.data, (dx, du), SHARES), problem)
-            merit = merit_of(problem, y, z, penalty, weight)
-            here, there = float(merit(now)), merit(tried)
             step = np.hstack([np.vstack([du, np.zeros((1, s.nu))]), dx])
             slope = float((Q[:, :-1, -1] * step).sum() - weight * np.abs(now.gap).sum())
-            better = np.flatnonzero(
-                there <= here + 1e-4 * SHARES * min(slope, 0.0) + 1e-12 * abs(here)
-            )
-            share = float(SHARES[better[0]]) if len(better) else 0.0
-            if share:
-                x, u, now = (
-                    s.retract(x, share * dx),
-                    u + share * du,
-                    tried.of(int(better[0])),
-                )
+            merit = merit_of(problem, y, z, penalty, weight)
+            lane = largest_decrease(merit, now, tried, slope)
+            share = 0.0 if lane is None else float(SHARES[lane])
+            if lane is not None:
+                x, u = s.retract(x, share * dx), u + share * du
+                now = tried.of(lane)
+                # the derivatives are out of date at the new motion
                 J, taken = np.zeros(0), (J, share * step, costates)
             damping = next_damping(damping, share)
             cost, violation = float(now.cost), now.violation
             inner += 1
             done = -slope < lax * max(1e-3, cost) or damping >= MOST_DAMPING
             solved = violation < TOLERANCE and -slope < 1e-4 * max(1e-2, cost)
+            updated = multipliers(y, z, penalty, now)
             yield Solution(
                 x=x,
                 u=u,
@@ -244,18 +234,13 @@ class Solver:
                 gap=now.gap,
                 goals=now.goals,
                 limits=now.limits,
-                forces=(
-                    y + penalty * now.goals,
-                    np.maximum(z + penalty * now.limits, 0.0),
-                ),
+                forces=updated,
             )
             if solved or stuck >= STUCK or not np.isfinite(cost):
                 return
             if done or inner >= PATIENCE:
                 y = y + penalty * now.goals
-                z = np.where(
-                    problem.limits, np.maximum(z + penalty * now.limits, 0.0), 0.0
-                )
+                z = np.where(problem.limits, updated[1], 0.0)
                 if violation <= 0.25 * before:
                     stuck = 0
                 elif done and -slope < SETTLED * penalty * violation**2:
@@ -285,6 +270,7 @@ class Solver:
         )
         Q: Array = rows.transpose(0, 2, 1) @ rows
         counting = self._counting(problem, forces)
+        # few stages have goals or limits that act, and their numbers differ
         for k in np.flatnonzero(counting.any(axis=1)):
             at = counting[k]
             rows = np.column_stack(
@@ -292,6 +278,11 @@ class Solver:
             )
             Q[k] += penalty * (rows.T @ rows)
         return Q
+
+
+def multipliers(y: Array, z: Array, penalty: float, at: _Values) -> tuple[Array, Array]:
+    """Multipliers of goals and limits after an update with the values of a motion."""
+    return y + penalty * at.goals, np.maximum(z + penalty * at.limits, 0.0)
 
 
 def inputs_first(J: Array, nt: int) -> Array:
@@ -322,6 +313,7 @@ def curvature(
         along
         > BENDING * np.sqrt((step**2).sum(axis=1) * (change**2).sum(axis=1)) + NOISE
     )
+    # the inner choice keeps a division by zero out of rows that do not count
     share = np.where(sure, 1.0 / np.where(sure, along, 1.0), 0.0)
     return share[:, None, None] * (change[:, :, None] * change[:, None, :])
 
@@ -342,6 +334,25 @@ def merit_of(
         )
 
     return merit
+
+
+def largest_decrease(
+    merit: Callable[[_Values], Array], now: _Values, ahead: _Values, slope: float
+) -> int | None:
+    """Index of the largest share of a step that lowers the merit enough; None if none
+    does.
+
+    Args:
+        merit: of :func:`merit_of`.
+        now: values before the step.
+        ahead: values after each of the :data:`SHARES` of it.
+        slope: change of the merit along the whole step, to first order.
+    """
+    present = float(merit(now))
+    # sufficient decrease (Armijo), as far as rounding lets it be seen
+    enough = present + 1e-4 * SHARES * min(slope, 0.0) + 1e-12 * abs(present)
+    better = np.flatnonzero(merit(ahead) <= enough)
+    return int(better[0]) if len(better) else None
 
 
 def next_damping(damping: float, share: float) -> float:
@@ -375,11 +386,9 @@ def recursion(
     stages, nt, width = AB.shape
     nu = width - nt
     S = np.zeros((stages, nt + 1, width + 1))
-    S[:, :nt, :width], S[:, :nt, width], S[:, nt, width] = (
-        inputs_first(AB, nt),
-        gap,
-        1.0,
-    )
+    S[:, :nt, :width] = inputs_first(AB, nt)
+    S[:, :nt, width] = gap
+    S[:, nt, width] = 1.0
     Q[:, np.arange(width), np.arange(width)] += damping
     Q[:, np.arange(nu), np.arange(nu)] += SMALLEST_WEIGHT
     P, gains = np.empty((stages + 1, nt + 1, nt + 1)), np.empty((stages, nu, nt + 1))
@@ -390,6 +399,7 @@ def recursion(
         cross = M[:nu, nu:]
         gains[k] = np.linalg.inv(-M[:nu, :nu]) @ cross
         to_go = M[nu:, nu:] + cross.T @ gains[k]
+        # rounding makes it unsymmetric, and more so from stage to stage
         P[k] = 0.5 * (to_go + to_go.T)
     return P, gains
 
@@ -401,6 +411,7 @@ def linear_step(
     those of its free lengths.
     """
     stages, nt, _ = AB.shape
+    # one product for all stages leaves the loop below small ones only
     closed = (
         np.concatenate([AB[:, :, :nt], gap[:, :, None]], axis=2) + AB[:, :, nt:] @ gains
     )

@@ -69,7 +69,7 @@ SPIN_UNIT = 20.0
 
 
 @immutable
-class Limits:
+class StageLimits:
     """Limits of a plan.
 
     Attributes:
@@ -89,7 +89,7 @@ class Limits:
 
 
 @immutable
-class Weights:
+class StageWeights:
     """Weights of what a plan minimises beside its limits, per second of the motion.
 
     Attributes:
@@ -114,7 +114,7 @@ class Weights:
 
 
 @immutable
-class Place:
+class ObstaclePlace:
     """Size (m), position (m) and angles (rad) of an obstacle as data: none of its zeros
     is structure.
     """
@@ -124,7 +124,7 @@ class Place:
     angles: Vec3
 
     @classmethod
-    def of(cls, surface: Surface) -> Place:
+    def of(cls, surface: Surface) -> ObstaclePlace:
         """Place of a surface."""
         numbers = [
             tuple(map(float, each))
@@ -179,7 +179,7 @@ class StageData:
     hurry: Scalar = 0.0
     upright: Scalar = 0.0
     clearance: Scalar = 0.0
-    obstacles: tuple[Place, ...] = ()
+    obstacles: tuple[ObstaclePlace, ...] = ()
 
 
 GOALS = (
@@ -220,7 +220,7 @@ class StageValues:
 
 
 @immutable(eq=False, slots=False)
-class Stage:
+class PlanStage:
     """Function of one stage for one model, its limits and weights.
 
     Attributes:
@@ -234,8 +234,8 @@ class Stage:
     """
 
     model: Model
-    limits: Limits = Limits()
-    weights: Weights = Weights()
+    limits: StageLimits = StageLimits()
+    weights: StageWeights = StageWeights()
     contact: bool = False
     free: int = 0
     clearances: Clearances | None = None
@@ -248,6 +248,8 @@ class Stage:
         mean = math.sqrt(
             sum(max(float(w), 0.0) for w in trim.squared) / len(trim.squared)
         )
+        # one unit for all: rotors that hardly turn in hover would have a tiny one of
+        # their own
         object.__setattr__(self, "hover", tuple(mean for _ in vehicle.rotors))
 
     @property
@@ -299,7 +301,7 @@ class Stage:
         return StageData(
             free=(0.0,) * self.free,
             joints=still,
-            obstacles=tuple(map(Place.of, self.obstacles)),
+            obstacles=tuple(map(ObstaclePlace.of, self.obstacles)),
         )
 
     def length(self, x: Sequence[Scalar], data: StageData) -> Scalar:
@@ -330,6 +332,7 @@ class Stage:
         return [
             sum(k * (w * w) for k, w in side)
             for side in sides
+            # rounding of an upright axis is no force that costs anything
             if any(abs(k) > 1e-12 for k, _ in side)
         ]
 
@@ -340,7 +343,8 @@ class Stage:
         tip position, base axes.
         """
         vehicle, R = self.model.vehicle, state.rotation
-        pressed, columns, tip = no_disturbance(vehicle.n), list[Motion](), ZERO3
+        pressed, tip = no_disturbance(vehicle.n), ZERO3
+        columns: list[Motion] = []
         if vehicle.end_effector:
             frame = vehicle.frame()
             columns = jacobian_columns(vehicle, frame, state.joints)
@@ -368,6 +372,7 @@ class Stage:
         inputs = StageInputs(rotor_accelerations=spins, efforts=())
 
         def slope(now: State, later: Scalar) -> State:
+            # joint accelerations are linear over a stage, as their jerks are constant
             turned = tuple(a + later * j for a, j in zip(joints, jerks, strict=True))
             return slope_of(
                 now, inputs, *self.accelerations(now, turned, push)[:2], turned
@@ -396,6 +401,8 @@ class Stage:
             t - c.linear.dot(held)
             for t, c in zip(torques, columns or [Motion(ZERO3, ZERO3)] * n, strict=True)
         ]
+        # a square of it makes each cost an integral over the stage, so that more nodes
+        # do not cost more
         root = sqrt(dt)
         costs = [
             (w * w - 1.0) * (math.sqrt(weights.thrust) * root) for w in x[at.speeds]
@@ -428,7 +435,7 @@ class Stage:
                 "inputs": [*u[:m]],
                 "arm": [a * 1.0 for a in x[at.arm]],
             },
-            inputs=self._input_limits(x, u, spins, efforts, data),
+            inputs=self._input_limits(x, u, efforts, data),
             limits=self._state_limits(x, state, data),
         )
 
@@ -437,7 +444,8 @@ class Stage:
     ) -> dict[str, Sequence[Scalar]]:
         """Errors of the goals, by name."""
         vehicle, R = self.model.vehicle, state.rotation
-        moving, axis = state.rate.cross(tip), E_Z
+        moving = state.rate.cross(tip)
+        axis = E_Z
         for column, rate in zip(columns, state.joint_rates, strict=False):
             moving = moving + column.linear * rate
         if vehicle.end_effector:
@@ -462,6 +470,8 @@ class Stage:
             "rate": [*state.rate],
             "joints": [a - b for a, b in zip(state.joints, data.joints, strict=True)],
             "joint_rates": [*state.joint_rates],
+            # in units of gravity and of 50 rad/s^2, so that both errors are of like
+            # size
             "still": [*(linear * (1.0 / 9.81)), *(angular * 0.02)],
         }
 
@@ -469,7 +479,6 @@ class Stage:
         self,
         x: Sequence[Scalar],
         u: Sequence[Scalar],
-        spins: Scalars,
         efforts: Sequence[Scalar],
         data: StageData,
     ) -> list[tuple[str, Scalar]]:
@@ -537,13 +546,16 @@ class Stage:
         lengths of free phases.
         """
         vehicle, limits = self.model.vehicle, self.limits
-        R, out = state.rotation, list[tuple[str, Scalar]]()
+        R = state.rotation
+        out: list[tuple[str, Scalar]] = []
         for rotor, w, hover in zip(
             vehicle.rotors, x[self.at.speeds], self.hover, strict=True
         ):
             share = w * (1.0 / (float(rotor.max_speed) / hover))
             out += [
                 (f"thrust of {rotor.name}", each)
+                # thrust goes with the square of speed, so at speed 0 it would not react
+                # to a change
                 for each in (share - math.sqrt(limits.thrust_share), 0.02 - share)
             ]
         ranges = limits.ranges or [joint.ends for joint in vehicle.joints]
@@ -567,10 +579,11 @@ class Stage:
             ("speed", state.velocity, limits.speed),
             ("rate", state.rate, limits.rate),
         ):
+            # squared, since a norm has no slope at 0
             if math.isfinite(most):
                 out.append((name, vector.dot(vector) * (1.0 / most**2) - 1.0))
         if self.clearances is not None:
-            here = {
+            placed = {
                 each.name: replace(
                     each, size=at.size, position=at.position, angles=at.angles
                 )
@@ -580,15 +593,13 @@ class Stage:
                 (
                     pair
                     if pair.surface is None
-                    else replace(pair, surface=here[pair.other])
+                    else replace(pair, surface=placed[pair.other])
                 )
                 for pair in self.clearances.pairs
             ]
             near = replace(self.clearances, pairs=tuple(pairs))
-            gaps, nearer = (
-                near.distances(state.position, R, state.joints),
-                self.nearer or (0.0,) * len(pairs),
-            )
+            gaps = near.distances(state.position, R, state.joints)
+            nearer = self.nearer or (0.0,) * len(pairs)
             for pair, gap, less in zip(pairs, gaps, nearer, strict=True):
                 out.append(
                     (
@@ -597,6 +608,7 @@ class Stage:
                     )
                 )
         out += [
+            # in a stage of no length the inputs would move nothing
             (f"length of free phase {k}", 0.05 - length)
             for k, length in enumerate(x[len(x) - self.free :])
         ]
@@ -647,7 +659,7 @@ class CompiledStage:
             the first ones.
     """
 
-    def __init__(self, stage: Stage) -> None:
+    def __init__(self, stage: PlanStage) -> None:
         self.stage = stage
         nx, nt, nu = stage.sizes
         data = stage.example()
@@ -660,6 +672,7 @@ class CompiledStage:
             given: StageData,
         ) -> list[Scalar]:
             values = stage(x, u, given)
+            # names and sizes are known only from a call, which the trace makes
             parts["values"] = values
             goals = [error for name in GOALS for error in values.goals[name]]
             bounds = [value for _, value in (*values.inputs, *values.limits)]
@@ -670,13 +683,10 @@ class CompiledStage:
         ) -> tuple[Tree, Scalars]:
             x, u, following, given, dx, du, dnext = row
             scaled = partial(map, lambda d: par[0] * d)
-            near = (
-                retraction(x, list(scaled(dx))),
-                [a + b for a, b in zip(u, scaled(du), strict=True)],
-            )
-            return carry, numbers(
-                outputs(*near, retraction(following, list(scaled(dnext))), given)
-            )
+            moved = retraction(x, list(scaled(dx)))
+            pushed = [a + b for a, b in zip(u, scaled(du), strict=True)]
+            later = retraction(following, list(scaled(dnext)))
+            return carry, numbers(outputs(moved, pushed, later, given))
 
         def slopes(
             carry: Tree, par: Any, row: Any, _uniforms: Tree
@@ -685,6 +695,7 @@ class CompiledStage:
             turned = Quaternion(*x[3:7]) * Quaternion(
                 0, 0.5 * dx[3], 0.5 * dx[4], 0.5 * dx[5]
             )
+            # derivative of the retraction at a step of 0
             direction = [*dx[:3], *turned, *dx[6:]]
             X = [Taylor(pair) for pair in zip(x, direction, strict=True)]
             U = [Taylor(pair) for pair in zip(u, du, strict=True)]
@@ -723,7 +734,8 @@ class CompiledStage:
         self.costs, self.goals, self.limits = (
             slice(int(a), int(b)) for a, b in itertools.pairwise(ends)
         )
-        self.goal, at = {}, 0
+        self.goal = {}
+        at = 0
         for name in GOALS:
             self.goal[name] = slice(at, at + len(values.goals[name]))
             at += len(values.goals[name])
@@ -747,11 +759,9 @@ class CompiledStage:
             step: (N + 1, nt) and (N, nu) changes; none if left out.
             shares: (lanes,) of the step.
         """
-        dx, du = (
-            step
-            if step is not None
-            else (np.zeros((len(x), self.nt)), np.zeros(u.shape))
-        )
+        if step is None:
+            step = np.zeros((len(x), self.nt)), np.zeros(u.shape)
+        dx, du = step
         last = np.zeros((1, self.nu))
         rows = [
             x,

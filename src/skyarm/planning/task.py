@@ -143,7 +143,7 @@ class Goal:
 
 @immutable
 @checked("contact", TaskError)
-class Contact:
+class PlannedContact:
     """Contact of the tip throughout a phase.
 
     Attributes:
@@ -180,7 +180,7 @@ class PlanPhase:
     step: Annotated[
         float | None, Unit("s", "time between nodes", low=0.002, high=0.5)
     ] = None
-    contact: Contact | None = None
+    contact: PlannedContact | None = None
     gripper: Annotated[str, Unit("", "gripper that closes when the phase begins")] = ""
     release: Annotated[str, Unit("", "gripper that opens when the phase begins")] = ""
     tilt: Annotated[
@@ -274,6 +274,7 @@ class Task:
         """
         world, passable = fields.inner("world"), fields.take("passable", [])
         rows = [*fields.tables("obstacles"), *world.tables("surfaces")]
+        # read for its refusal: the names are checked when the phases are known
         world.tables("grippers")
         rows = [
             each
@@ -286,6 +287,7 @@ class Task:
         ]
         obstacles = tuple(record_from(Surface, each) for each in named)
         surfaces = [each.table.get("name") for each in world.tables("surfaces")]
+        # after the surfaces, whose own faults come first
         if not isinstance(passable, list) or any(
             name not in surfaces for name in passable
         ):
@@ -293,9 +295,8 @@ class Task:
                 f"{fields.at('passable')} = {shown(passable)}: must be names of"
                 " surfaces of the world"
             )
-        named_vehicle = load_vehicle(fields.take("vehicle"))
         return {
-            "vehicle": named_vehicle,
+            "vehicle": load_vehicle(fields.take("vehicle")),
             "obstacles": obstacles,
             "passable": tuple(passable),
         }
@@ -303,17 +304,14 @@ class Task:
     def __post_init__(self) -> None:
         accept_fields(self, "", TaskError)
         n = self.vehicle.n
-        if (
-            self.phases
-            and (last := self.phases[-1]).kind == "hold"
-            and last.to.velocity is None
-        ):
+        if not self.phases:
+            raise TaskError("phases: must be one phase or more")
+        last = self.phases[-1]
+        if last.kind == "hold" and last.to.velocity is None:
             # nothing comes after it: a tip that rests on a base that moves on would
             # rest for this instant only
             ending = replace(last, to=replace(last.to, rest=True))
             object.__setattr__(self, "phases", (*self.phases[:-1], ending))
-        if not self.phases:
-            raise TaskError("phases: must be one phase or more")
         lists = [("start.joints", self.start.joints)]
         lists += [
             (f"phases[{k}].to.joints", each.to.joints)
@@ -332,6 +330,7 @@ class Task:
                     f"obstacles: name = {obstacle.name!r} stands twice; names must be"
                     " unique"
                 )
+            # a plan has the obstacles of one instant, and distances to solid bodies
             if obstacle.moves or obstacle.shape == "hole":
                 raise TaskError(
                     f"obstacles[{obstacle.name}]: must stand still and be no plate with"
@@ -426,6 +425,7 @@ def _check_phase(
             f"{at}.to.velocity = {shown([*goal.velocity])}: must be left out beside"
             " rest"
         )
+    # phases other than free motions are stated by where the tip is
     needs_tip = (
         phase.kind != "go"
         or goal.tip is not None
@@ -472,6 +472,7 @@ def load_task(path: PathLike) -> Task:
         text = file_name(path, "task")
         file = Path(text)
         shipped = LIBRARY / f"{text}.toml"
+        # the name of a shipped task wins over a file of that name
         if os.path.isfile(shipped):
             file = shipped
         elif file.suffix != ".toml":
@@ -501,7 +502,8 @@ def task_from(table: object, folder: Path = Path()) -> Task:
     """
     fields = Fields(table, "")
     fields.require_schema()
-    own, name = dict(fields.table), fields.take("vehicle")
+    own = dict(fields.table)
+    name = fields.take("vehicle")
     own.pop("schema", None)
     if (
         isinstance(name, str)

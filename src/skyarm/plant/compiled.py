@@ -38,12 +38,12 @@ from skyarm.plant.joint_rate import (
 )
 from skyarm.plant.largest_step import (
     FRICTION_STEP,
-    INTEGRATORS,
     STAGES,
     VERLET,
     VERLET_FRICTION_STEP,
     divisions,
     largest_step,
+    require_integrator,
     verlet_step,
 )
 from skyarm.plant.rigid_body import (
@@ -104,10 +104,12 @@ def hold(
     """Integrate vehicle and contact states over an interval (s) with constant
     commands.
     """
+    # one evaluation of the forces in a step in place of four
     near = VERLET if count.verlet else integrator
 
     there = around.with_coupled(now[1])
-    motions, steps = there.motions(worlds, now[0]), float(count.near)
+    motions = there.motions(worlds, now[0])
+    steps = float(count.near)
     vehicles = [each.vehicle for each in worlds]
     usual: Scalar = steps
     if count.slack:
@@ -122,7 +124,8 @@ def hold(
     finer: Scalar = usual
     if count.most > 1:
         memories, more = there.hurry(motions, seconds)
-        now, finer = (now[0], memories), -floor(-usual * more)
+        now = (now[0], memories)
+        finer = -floor(-usual * more)
     if count.calm:
         largest = there.largest_calm_step(verlet=count.verlet)
         assert largest is not None
@@ -134,6 +137,7 @@ def hold(
         )
     touch: Scalar = 0.0
     if count.stops:
+        # both take a stop's damping at one instant of the step: first order
         held = count.verlet or integrator == "euler"
         touch = touch_steps(
             vehicles,
@@ -153,6 +157,7 @@ def hold(
     if far is False and finer is steps and not count.stops:
         return repeat(count.near, step, now)
     if far is not False:
+        # a joint that may meet its stop needs more than the few steps far from contact
         far = logical_and(far, touch <= float(count.far))
 
     def step_far(both: Moved) -> Moved:
@@ -203,16 +208,11 @@ class RigidBodyPlant:
         self._worlds, self.around = several(world, around)
         for each in self._worlds:
             require_plant(each.vehicle)
-        if integrator not in INTEGRATORS:
-            raise ValueError(
-                f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}"
-            )
+        require_integrator(integrator)
         self._integrator, self._physics_step = integrator, physics_step
         sizes = [each.vehicle.sizes for each in self._worlds]
-        states, commands = (
-            tuple(example_state(*each) for each in sizes),
-            tuple(example_command(*each) for each in sizes),
-        )
+        states = tuple(example_state(*each) for each in sizes)
+        commands = tuple(example_command(*each) for each in sizes)
         self._examples = (states, commands, self.around)
         self._programs: dict[float, FlatFunction] = {}
         euler = integrator == "euler"
@@ -253,6 +253,7 @@ class RigidBodyPlant:
         """
         count = self.steps_at_rest(seconds)._replace(stops=self._stops)
         slack = divisions(seconds, self._verlet if count.verlet else self._largest)
+        # the step of "euler" is stated, so friction asks for no other count
         if self._integrator == "euler" or slack >= count.near:
             return count
         return count._replace(
@@ -265,7 +266,8 @@ class RigidBodyPlant:
         speeds at stops ask no more.
         """
         most = 1
-        if self._integrator != "euler":  # whose step is said
+        # the step of "euler" is stated by the scenario
+        if self._integrator != "euler":
             most = max(
                 (component.most_hit_steps for _, component, _ in self.around.coupled),
                 default=1,
@@ -282,6 +284,7 @@ class RigidBodyPlant:
                 divisions(seconds, self._verlet),
                 math.ceil(seconds * self._rate / VERLET_FRICTION_STEP),
             )
+            # compared by evaluations of the forces, which take most of the time
             if verlet_steps < near * STAGES:
                 return Steps(
                     verlet_steps,
@@ -310,6 +313,7 @@ class RigidBodyPlant:
         fewest = max(
             math.ceil(seconds * held), divisions(seconds, self._largest_far), least
         )
+        # a calm count that is no smaller would only add a branch to the program
         return fewest if max(fewest, divisions(seconds, float(largest))) < near else 0
 
     def _count(self, seconds: float, largest: float | None) -> int:
@@ -338,7 +342,8 @@ class RigidBodyPlant:
                 ___: Scalars,
             ) -> tuple[tuple[()], Moved]:
                 states, commands, around = inputs
-                now, count = (states, around.coupled_memories()), self.substeps(seconds)
+                now = (states, around.coupled_memories())
+                count = self.substeps(seconds)
                 return (), hold(
                     self._worlds,
                     self._integrator,

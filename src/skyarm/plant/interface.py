@@ -60,6 +60,7 @@ class Truth:
         loads = [
             (mass, frame)
             for frame, mass in values.items()
+            # 0 kg adds nothing, but a symbol may be any mass
             if not coerce.concrete(mass) or mass
         ]
         added = [self.vehicle.point_mass(mass, frame) for mass, frame in loads]
@@ -73,6 +74,7 @@ class Truth:
         """
         vehicle = self.vehicle
         paths = field_paths(self) | {"payload": vehicle.load_names(())}
+        # masses are replaced by the names of frames, not by the order of loads
         del paths["loads"]
         paths["joints"] = {
             name: tuple(
@@ -167,15 +169,18 @@ def make_plant(scenario: Any, around: Any) -> Plant:
         ValueError: one line: there are several agents, and the plant is of one.
     """
     kind = find("plant", scenario.kind, "plant.kind")
+    # a user-defined plant without the attribute simulates one vehicle
     if getattr(kind, "several", False):
         world = tuple(each.plant for each in scenario.agents.values())
     elif scenario.is_team:
+        # such a plant takes one state, so it cannot be given several
         raise ValueError(
             f"plant.kind = {scenario.kind!r}: flies one agent, not"
             f" {', '.join(scenario.agents)}"
         )
     else:
-        world, around = scenario.agent.plant, around.of(0)
+        world = scenario.agent.plant
+        around = around.of(0)
     plant: Plant = kind(
         world, around, scenario.integrator, 1.0 / scenario.rates.physics
     )

@@ -42,7 +42,7 @@ SAMPLES = 64
 changes with the others' angles."""
 
 FASTEST = 1e4
-"""Fastest decay rate, 1/s. A faster friction would need over 80 integration steps per
+"""Fastest decay rate, 1/s. A faster friction would need over 70 integration steps per
 control period of 5 ms."""
 
 REACH = {"revolute": math.pi, "prismatic": 1.0}
@@ -63,13 +63,16 @@ def friction_rate(vehicle: Vehicle) -> float:
             the joint and the field.
     """
     joints = vehicle.joints
+    # symbols of a batch have no eigenvalues: its lanes are checked one by one
     if not joints or not concrete(*leaves((vehicle.base, vehicle.links))):
         return 0.0
     D = np.array([float(j.damping) + _steepest(j) for j in joints])
+    # no friction needs no mass matrix
     if not D.any():
         return 0.0
     if not np.all(np.isfinite(D)):
         raise VehicleError(_blame(joints[int(np.argmin(np.isfinite(D)))], math.inf))
+    # D^1/2 A D^1/2 has the eigenvalues of A D and is symmetric
     rate, mode = fastest_mode(vehicle, np.sqrt(D))
     if rate > FASTEST:
         raise VehicleError(_blame(joints[int(np.argmax(np.abs(mode)))], rate))
@@ -123,6 +126,7 @@ def _configurations(joints: tuple[Joint, ...]) -> Array:
     reach = np.array([REACH[j.kind] for j in joints])
     low = np.maximum(middle - reach, [float(j.lower) for j in joints])
     high = np.minimum(middle + reach, [float(j.upper) for j in joints])
+    # a fixed seed: a vehicle always takes the same steps
     anywhere = np.random.default_rng(0).uniform(low, high, (SAMPLES, len(joints)))
     return np.concatenate([middle[None], anywhere])
 
@@ -131,10 +135,8 @@ def _blame(joint: Joint, rate: float) -> str:
     """Error message about a joint with too stiff friction: joint, field and remedy."""
     field, remedy = "damping", "lower damping, or state the armature"
     if _steepest(joint) > joint.damping:
-        field, remedy = (
-            "coulomb",
-            "raise coulomb_rate or lower coulomb, or state the armature",
-        )
+        field = "coulomb"
+        remedy = "raise coulomb_rate or lower coulomb, or state the armature"
     return (
         f"joints[{joint.name}].{field} = {getattr(joint, field)!r}: joint friction"
         f" decays at {rate:.9g} 1/s: must be at most {FASTEST:g}; {remedy}"
@@ -186,6 +188,7 @@ def stop_frequency(vehicle: Vehicle) -> float:
         field, worst = (
             ("stop_stiffness", mode) if frequency >= decay else ("stop_damping", other)
         )
+        # the joint that moves most in the fastest mode is the one to change
         joint = joints[int(np.argmax(np.abs(worst)))]
         raise VehicleError(
             f"joints[{joint.name}].{field} = {getattr(joint, field)!r}: a stop this"
@@ -205,6 +208,7 @@ def _damping(joint: Joint) -> float:
     """
     effort = float(joint.effort_limit)
     return (
+        # at rest the full effort presses the joint so deep that k depth is this effort
         effort * float(joint.stop_damping)
         if joint.has_stops and math.isfinite(effort)
         else 0.0
@@ -245,6 +249,7 @@ def joint_numbers(vehicle: Vehicle) -> JointNumbers:
     if not concrete(*leaves((vehicle.base, vehicle.links))):
         return ()
     efforts = float_array(joint.effort_limit for joint in vehicle.joints)
+    # an unlimited effort has no largest acceleration: the speed of now counts alone
     efforts[np.isinf(efforts)] = 0.0
     try:
         with np.errstate(all="ignore"):
@@ -253,6 +258,7 @@ def joint_numbers(vehicle: Vehicle) -> JointNumbers:
                 axis=1
             )
             rows = of_mirrored(rows, mobility)
+            # powers of two: nearly equal vehicles share one compiled program
             most = np.exp2(np.ceil(np.log2(rows))).T.tolist()
     except np.linalg.LinAlgError:
         return ()
@@ -280,7 +286,10 @@ def stop_rate(
     for link, (mobility, acceleration), q, qd in rows:
         joint = link.joint
         if joint.has_stops:
+            # the fastest that the drives can make the joint until the end of the
+            # interval
             speed = absolute(qd) + acceleration * seconds
+            # the same bound on the way decides whether a stop can be met
             near = maximum(q - joint.upper, joint.lower - q) + speed * seconds > 0.0
             stiffness = joint.stop_stiffness * (1.0 + 2.0 * joint.stop_damping * speed)
             square = square + where(near, mobility * stiffness, 0.0)
@@ -297,6 +306,7 @@ def friction_bound(
     for vehicle, own in zip(vehicles, numbers, strict=True):
         rate: Scalar = 0.0
         for joint, (mobility, _) in zip(vehicle.joints, own, strict=False):
+            # a trace bounds the largest eigenvalue, and needs no matrix in the program
             rate = rate + mobility * (
                 joint.damping + divide(joint.coulomb, joint.coulomb_rate)
             )
@@ -319,4 +329,5 @@ def touch_steps(
     rate: Scalar = 0.0
     for vehicle, numbers, state in zip(vehicles, stops, states, strict=True):
         rate = maximum(rate, stop_rate(vehicle, numbers, state, seconds))
+    # minus the floor of the negative is the ceiling, which scalars do not have
     return minimum(-floor(1e-9 - rate * seconds * (1.0 / largest)), float(MOST_STEPS))

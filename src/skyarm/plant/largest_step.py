@@ -21,6 +21,15 @@ INTEGRATORS = ("rk4", "euler", "rk4_staged")
 """Names of the integrators. On the rigid-body plant the third equals the first, which
 evaluates loads at each stage anyway."""
 
+
+def require_integrator(integrator: str) -> None:
+    """Refuse the name of an integrator that there is not."""
+    if integrator not in INTEGRATORS:
+        raise ValueError(
+            f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}"
+        )
+
+
 FRICTION_STEP = 0.7
 """Largest product of friction's decay rate and an RK4 step with loads at each stage
 (stable to 2.78; error 1.2e-3 of the fastest mode). Thirty seconds of case3 at 0.65 end
@@ -68,6 +77,7 @@ def largest_stable_step(record: AnyComponent | Drive, *, euler: bool) -> Scalar 
         getattr(record, "largest_euler_step", record.largest_step),
         None if euler else verlet,
     ]
+    # lanes may fly by any method, so the shortest of its steps counts
     return min((step for step in steps if step is not None), default=None)
 
 
@@ -88,9 +98,11 @@ def verlet_step(around: Together) -> float | None:
     Runge-Kutta is used if anything else needs short steps: drive loops and damped air
     tolerate less with Verlet.
     """
+    # without coupled components there is nothing to gain by it
     if not around.coupled or largest_step(around, coupled=False) is not None:
         return None
     steps = [component.largest_verlet_step for _, component, _ in around.coupled]
+    # one component that cannot be integrated so excludes the method
     return None if None in steps else _least(steps)
 
 
@@ -154,8 +166,10 @@ def check_largest_step(
             value = coerce.number(f"{where}.{name}", given)
             if not concrete(value):
                 coerce.refuse(f"{where}.{name}", given, "must be one number")
+            # written so that NaN is refused, too
             if period / MOST_STEPS <= value < math.inf:
                 continue
+            # the parameters of a drive are in the file, its largest step is not
             why = (
                 record.why_short_steps()
                 if isinstance(record, Drive) and value < period

@@ -19,7 +19,7 @@ from skyarm.dynamics.actuators import (
     stop_force,
 )
 from skyarm.dynamics.actuators.rotor import (
-    felt_in,
+    equivalent_speed_and_lag,
     has_short_lag,
     lag_of,
     short_lag,
@@ -97,11 +97,10 @@ def applied_force(
     vehicle, state = motion.vehicle, motion.state
     speeds = state.rotor_speeds
     total, pushed = _outside(around.wrenches(motion), motion)
-    left = around.effectiveness or Effectiveness(
-        (1,) * len(vehicle.rotors), (1,) * vehicle.n
-    )
+    left = _effectiveness(vehicle, around)
     total = _with_aerodynamics(total, motion, around.air_velocity(state.position), left)
     turning = (
+        # the battery limits what reaches the motors, whose lag makes the spin torque
         around.rotor_commands(vehicle.rotors, command.rotor_speeds)
         if command.rotor_speeds
         else ()
@@ -120,6 +119,13 @@ def applied_force(
             add(add(joint_force(link.joint, effort, rate, share), stop), push)
         )
     return total, tuple(torques)
+
+
+def _effectiveness(vehicle: Vehicle, around: Surroundings) -> Effectiveness:
+    """Shares of the actuators that faults leave: constants 1 without faults."""
+    return around.effectiveness or Effectiveness(
+        (1,) * len(vehicle.rotors), (1,) * vehicle.n
+    )
 
 
 def _with_aerodynamics(
@@ -147,31 +153,30 @@ def wind_at(around: Surroundings, motion: PointMotion) -> WindSample:
     force = ZERO3
     for component, memory in zip(around.components, around.memories, strict=True):
         if component.coupled:
-            continue  # has columns of its own
+            # a coupled model logs its own forces
+            continue
         for wrench in component.wrenches(
             memory, around.time, motion, state.rotor_speeds
         ):
             if wrench.body == BASE and wrench.agent in ("", motion.name):
                 force = force + wrench.force_W
     air = around.air_velocity(state.position)
+    # in calm air, of constant zeros, both sums are equal
     if any(type(c) is not int for c in air):
-        left = around.effectiveness or Effectiveness(
-            (1,) * len(vehicle.rotors), (1,) * vehicle.n
-        )
+        left = _effectiveness(vehicle, around)
         none = Force(ZERO3, ZERO3)
         moved, calm = (
             _with_aerodynamics(none, motion, each, left).force for each in (air, ZERO3)
         )
         force = force + motion.to_world(moved - calm)
-    pairs = zip(around.components, around.memories, strict=True)
-    own = tuple(
-        data(c)
-        for each, memory in pairs
-        if each.columns
-        for c in each.logged(memory, motion)
-    )
+    own = list[Scalar]()
+    for component, memory in zip(around.components, around.memories, strict=True):
+        if component.columns:
+            own += component.logged(memory, motion)
     return WindSample(
-        Vec3(*map(data, force)), ZERO3, Vec3(*map(data, air)), numbers=own
+        force_W=Vec3(*map(data, force)),
+        air_velocity_W=Vec3(*map(data, air)),
+        numbers=tuple(map(data, own)),
     )
 
 
@@ -235,7 +240,7 @@ def follow_commands(
     )
 
 
-def felt_in_step(
+def with_equivalent_rotors(
     worlds: Sequence[Truth],
     stages: Sequence[Sequence[State]],
     commands: Sequence[Command],
@@ -259,7 +264,8 @@ def felt_in_step(
         has_short_lag(rotor) for world in worlds for rotor in world.vehicle.rotors
     ):
         return worlds, stages
-    made, felt = list[Truth](), list[list[State]]()
+    made = list[Truth]()
+    equivalent = list[list[State]]()
     # angles of tilting rotors are those of the middle of a step
     moved = (
         [follow_commands(worlds, stages[0], commands, around, 0.5 * dt)]
@@ -267,35 +273,33 @@ def felt_in_step(
         else stages
     )
     for i, (world, command) in enumerate(zip(worlds, commands, strict=True)):
-        rotors, turned, columns = (
-            world.vehicle.rotors,
-            list[Rotor](),
-            list[Sequence[Scalar]](),
-        )
-        heard = around.of(i).rotor_commands(rotors, command.rotor_speeds)
+        rotors = world.vehicle.rotors
+        turned = list[Rotor]()
+        columns = list[Sequence[Scalar]]()
+        received = around.of(i).rotor_commands(rotors, command.rotor_speeds)
         within = (stage[i].rotor_speeds for stage in stages)
-        for rotor, asked, *there in zip(rotors, heard, *within, strict=True):
-            speeds, lag = there, lag_of(rotor, there[0], asked)
+        for rotor, demanded, *there in zip(rotors, received, *within, strict=True):
+            speeds = there
+            lag = lag_of(rotor, there[0], demanded)
             if held or has_short_lag(rotor):
-                mean, until = felt_in(rotor, speeds[0], asked, dt)
+                mean, until = equivalent_speed_and_lag(rotor, speeds[0], demanded, dt)
                 short = held or lag < short_lag(rotor)
-                speeds, lag = (
-                    [where(short, mean, each) for each in speeds],
-                    where(short, until, lag),
-                )
+                speeds = [where(short, mean, each) for each in speeds]
+                lag = where(short, until, lag)
+            # one lag for both directions: within a step the direction is known
             turned.append(replace(rotor, time_constant_up=lag, time_constant_down=lag))
             columns.append(speeds)
         made.append(
             replace(world, vehicle=world.vehicle.with_checked(rotors=tuple(turned)))
         )
         rows = [tuple(column[k] for column in columns) for k in range(len(stages))]
-        felt.append(
+        equivalent.append(
             [
                 replace(s[i], rotor_speeds=row)
                 for s, row in zip(moved, rows, strict=True)
             ]
         )
-    return made, [*zip(*felt, strict=True)]
+    return made, [*zip(*equivalent, strict=True)]
 
 
 def held_frictions(vehicle: Vehicle, state: State, dt: Scalar) -> Scalars:
@@ -308,6 +312,7 @@ def held_frictions(vehicle: Vehicle, state: State, dt: Scalar) -> Scalars:
     Source: Hairer, Wanner 1996, Solving Ordinary Differential Equations II, IV.15.
     """
     pairs = zip(vehicle.joints, state.joint_rates, strict=True)
+    # dt r stands beside the inertia: as if the joint were heavier for this step
     return tuple(mul(dt, friction_per_rate(joint, rate)) for joint, rate in pairs)
 
 

@@ -33,17 +33,17 @@ from skyarm.plant.joint_rate import (
 from skyarm.plant.largest_step import (
     FRICTION_STEP,
     HELD_FRICTION_STEP,
-    INTEGRATORS,
     divisions,
     largest_step,
+    require_integrator,
 )
 from skyarm.plant.loads import (
     before_euler_step,
     changes_inertia,
-    felt_in_step,
     follow_commands,
     held_frictions,
     rigid_loads,
+    with_equivalent_rotors,
 )
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_loads import Coupling, Loads
@@ -51,6 +51,7 @@ from skyarm.plant.mujoco_model import add_vehicle, body_name, build_spec
 from skyarm.plant.mujoco_stages import StagedRungeKutta
 from skyarm.plant.mujoco_welds import Welds, closed_contacts
 from skyarm.plant.surroundings import Surroundings, Together, coupled_places, several
+from skyarm.records.arrays import Array
 from skyarm.records.leaves import leaves
 from skyarm.vehicle import BASE, Vehicle
 from skyarm.vehicle.vehicle_records import require_plant
@@ -67,10 +68,14 @@ class _Quiet:
     """
 
     def __init__(self) -> None:
-        self._lock, self._inside, self._usual = threading.Lock(), 0, None
+        self._lock = threading.Lock()
+        self._inside = 0
+        self._usual = None
 
     def __enter__(self) -> None:
         with self._lock:
+            # threads nest: the first one in takes the caller's handler, the last gives
+            # it back
             if self._inside == 0:
                 self._usual = mujoco.get_mju_user_warning()
                 mujoco.set_mju_user_warning(_ignore)
@@ -153,12 +158,10 @@ class MujocoPlant:
         vehicles = [each.vehicle for each in self._worlds]
         for vehicle in vehicles:
             require_plant(vehicle)
-        if integrator not in INTEGRATORS:
-            raise ValueError(
-                f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}"
-            )
+        require_integrator(integrator)
         self.vehicle = vehicles[0]
         integrator = _with_loads_at_stages(integrator, vehicles, around)
+        # "euler" takes friction at the end of a step, which is stable for any step
         if integrator in LARGEST_FRICTION_STEP:
             rate = max(map(joint_rate, vehicles))
             physics_step /= max(
@@ -170,6 +173,7 @@ class MujocoPlant:
             [load for load, _ in rigid_loads(around.of(i))]
             for i in range(len(vehicles))
         ]
+        # the first vehicle keeps its own names, so one alone is named as in its file
         prefixes = ("", *(f"{name}/" for name in around.names[1:]))
         spec = build_spec(
             vehicles[0],
@@ -178,9 +182,9 @@ class MujocoPlant:
             integrator=integrator,
             loads=loads[0],
         )
-        for vehicle, held, prefix in list(zip(vehicles, loads, prefixes, strict=True))[
-            1:
-        ]:
+        for vehicle, held, prefix in zip(
+            vehicles[1:], loads[1:], prefixes[1:], strict=True
+        ):
             add_vehicle(spec, vehicle, held, prefix)
         self._welds = [
             Welds(spec, vehicles, prefixes, around) for _ in closed_contacts(around)
@@ -189,38 +193,28 @@ class MujocoPlant:
             # of masses beyond measure, whose flight ends as diverged
             warnings.simplefilter("ignore")
             self.model = spec.compile()
-        self._physics_step, self._rk4 = physics_step, integrator == "rk4"
+        self._physics_step = physics_step
+        self._rk4 = integrator == "rk4"
         self._data = mujoco.MjData(self.model)
         # views of MuJoCo's numbers: to ask its records for them costs a microsecond
         # each time
         self._layout = layout = Layout(self._worlds, self.model, prefixes)
-        self._qpos, self._qvel = (
-            self._data.qpos[: layout.nq],
-            self._data.qvel[: layout.nv],
-        )
+        self._qpos = self._data.qpos[: layout.nq]
+        self._qvel = self._data.qvel[: layout.nv]
         self._force = self._data.qfrc_applied
         for each in self._welds:
             each.bind(self.model, self._data)
         self._gravity = self.model.opt.gravity
-        bodies = [
-            self.model.body(prefix + body_name(v, BASE)).id
-            for v, prefix in zip(vehicles, prefixes, strict=True)
-        ]
-        self._bases = [
-            (self._data.qacc[at : at + 6], self._data.xmat[body].reshape(3, 3).T)
-            for at, body in zip(layout.bases, bodies, strict=True)
-        ]
-        zeros, commands = (
-            (0.0,) * layout.end,
-            tuple(example_command(*each.sizes) for each in vehicles),
-        )
+        self._bases = self._views_of_bases(prefixes)
+        commands = tuple(example_command(*each.sizes) for each in vehicles)
         self._loads = Quick(
-            self._forces_and_speeds, zeros, commands, around, physics_step
+            self._forces_and_speeds, (0.0,) * layout.end, commands, around, physics_step
         )
         pieces = pairwise((0, layout.nq, layout.nq + layout.nv, layout.end))
         self._parts = tuple(self._loads.inputs[a:b] for a, b in pieces)
         self._coupled = [*coupled_places(around)]
-        commanded, outputs = len(leaves(commands)), self._loads.outputs
+        commanded = len(leaves(commands))
+        outputs = self._loads.outputs
         ends = (
             0,
             *accumulate((len(self._force), layout.driven, len(self._coupled))),
@@ -243,19 +237,28 @@ class MujocoPlant:
         self._touch = self._program_of_touches(vehicles)
         self._staged: StagedRungeKutta | None = None
         if integrator == "rk4_staged":
-            solver = self._forward, self._welds
             self._staged = StagedRungeKutta(
-                layout, self.model, self._data, around, *solver
+                layout, self.model, self._data, around, self._forward, self._welds
             )
+
+    def _views_of_bases(self, prefixes: Sequence[str]) -> list[tuple[Array, Array]]:
+        """Acceleration (6,) and rotation matrix (3, 3), world to base axes, of each
+        base in MuJoCo's data.
+        """
+        views = []
+        rows = zip(self._worlds, prefixes, self._layout.bases, strict=True)
+        for world, prefix, at in rows:
+            body = self.model.body(prefix + body_name(world.vehicle, BASE)).id
+            R_WB = self._data.xmat[body].reshape(3, 3)
+            views.append((self._data.qacc[at : at + 6], R_WB.T))
+        return views
 
     def _program_of_touches(self, vehicles: Sequence[Vehicle]) -> Program | None:
         """Program for the number of steps that joints need at their stops in an
         interval (s); None without stops.
         """
-        stops, largest = (
-            [stop_numbers(each) for each in vehicles],
-            (HELD_TOUCH_STEP if self._euler else TOUCH_STEP),
-        )
+        stops = [stop_numbers(each) for each in vehicles]
+        largest = HELD_TOUCH_STEP if self._euler else TOUCH_STEP
         states = tuple(example_state(*each.sizes) for each in vehicles)
 
         def steps(now: Sequence[State], seconds: Scalar) -> Scalar:
@@ -275,10 +278,10 @@ class MujocoPlant:
         if self._euler:
             around = before_euler_step(self._worlds, states, around, dt)
         held = self._euler or self._rk4
-        worlds, (felt,) = felt_in_step(
+        worlds, (equivalent,) = with_equivalent_rotors(
             self._worlds, (states,), commands, around, dt, held=held
         )
-        forces = self._layout.generalized_forces(worlds, felt, commands, around)
+        forces = self._layout.generalized_forces(worlds, equivalent, commands, around)
         after = follow_commands(self._worlds, states, commands, around, dt)
         slopes = around.slopes(around.motions(self._worlds, states))
         driven = [
@@ -310,33 +313,33 @@ class MujocoPlant:
         """
         self._set(state, command, around)
         self._written = NOTHING
-        count, dt = whole_steps(seconds, self._physics_step), self._physics_step
+        count = whole_steps(seconds, self._physics_step)
+        dt = self._physics_step
         if self._touch is not None:
             (touch,) = self._touch.flat((*state, seconds))
+            # divided equally, so that the interval still ends at its end
             count, dt = (count, dt) if touch <= count else (int(touch), seconds / touch)
         self._loads.inputs[-1] = self.model.opt.timestep = dt
         if self._staged is not None:
             return self._in_stages(self._staged, state, command, around, count, dt)
         model, data, step, rk4 = self.model, self._data, self._loads.step, self._rk4
         qpos, qvel, speeds = self._parts
-        force, forces, turned, forward = (
-            self._force,
-            self._pushed,
-            self._turned,
-            self._forward,
-        )
+        force = self._force
+        forces = self._pushed
+        turned = self._turned
+        forward = self._forward
         given, coupled, remembered = self._around, self._coupled, self._remembered
-        armature, own, joints = (
-            model.dof_armature,
-            model.dof_armature.copy(),
-            [*chain(*self._layout.joints)],
-        )
+        armature = model.dof_armature
+        own = model.dof_armature.copy()
+        joints = [*chain(*self._layout.joints)]
         try:
             with QUIET:
                 for _ in range(count):
                     step()
                     force[:] = forces
                     if not rk4:
+                        # friction of this step enters M, by which MuJoCo solves for it
+                        # implicitly
                         armature[joints] = own[joints] + self._held
                     # mj_step without its checks: the monitor of the episode says what
                     # went wrong
@@ -345,10 +348,13 @@ class MujocoPlant:
                         mujoco.mj_RungeKutta(model, data, 4)
                     else:
                         mujoco.mj_Euler(model, data)
-                    qpos[:], qvel[:], speeds[:] = self._qpos, self._qvel, turned
+                    qpos[:] = self._qpos
+                    qvel[:] = self._qvel
+                    speeds[:] = turned
                     if coupled:
                         given[coupled] = remembered
-        finally:  # an interruption leaves the model as it was, too
+        finally:
+            # an interruption leaves the model as it was, too
             armature[:] = own
         ours = self._layout.to_ours(self._loads.inputs[: self._layout.end].tolist())
         return (*ours, *given[coupled].tolist()) if coupled else ours
@@ -368,7 +374,8 @@ class MujocoPlant:
         self._loads.step()
         with QUIET:
             memory = self._around[self._coupled]
-            start, given = self._layout.to_mujoco(state), (*command, *around)
+            start = self._layout.to_mujoco(state)
+            given = (*command, *around)
             x, coupled = staged.advance(
                 start, memory.tolist(), self._pushed, given, count, dt
             )
@@ -380,6 +387,7 @@ class MujocoPlant:
         A step begins where the accelerometer was read: of the same tuples only the
         command is written again.
         """
+        # identity, not equality: comparing all numbers would cost what is saved
         if state is self._written[0] and around is self._written[1]:
             self._commanded[:] = command
             return
@@ -387,10 +395,12 @@ class MujocoPlant:
             self._carried.carry(around)
         self._written = (
             (state, around)
+            # a list or an array may change under the same identity
             if type(state) is tuple and type(around) is tuple
             else NOTHING
         )
-        x, nq = self._layout.to_mujoco(state), self._layout.nq
+        x = self._layout.to_mujoco(state)
+        nq = self._layout.nq
         self._qpos[:], self._qvel[:] = x[:nq], x[nq : nq + self._layout.nv]
         self._loads.inputs[:-1] = (*x, *command, *around)
         for each in self._welds:
@@ -401,8 +411,11 @@ class MujocoPlant:
         stuck.
         """
         if self._carried is None:
+            # nothing changes inertia, so nothing hits
             return tuple(state)
-        x, nq, nv = self._layout.to_mujoco(state), self._layout.nq, self._layout.nv
+        x = self._layout.to_mujoco(state)
+        nq = self._layout.nq
+        nv = self._layout.nv
         self._qpos[:] = x[:nq]
         with QUIET:
             velocities = self._carried.velocity_after(np.array(x[nq : nq + nv]), around)
@@ -435,7 +448,8 @@ class MujocoPlant:
     def _solve(self, state: Flat, command: Flat, around: Flat) -> None:
         """Let MuJoCo solve for the accelerations at a state."""
         self._set(state, command, around)
-        self._loads.inputs[-1] = 0.0  # of this instant
+        # a step of 0 s: rotors and bristles of this instant
+        self._loads.inputs[-1] = 0.0
         self._loads.step()
         self._force[:] = self._pushed
         with QUIET:

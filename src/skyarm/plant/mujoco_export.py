@@ -85,6 +85,7 @@ def mjcf_text(
         "thrust": _thrust,
     }
     model = mujoco.MjModel.from_xml_string(
+        # compiled once without a keyframe: MuJoCo says where each number stands in one
         render_vehicle("mjcf", vehicle, key=None, **values)
     )
     return render_vehicle(
@@ -94,6 +95,7 @@ def mjcf_text(
 
 def _thrust(rotor: Rotor, speed: Scalar) -> float:
     """Rotor thrust (N) at a speed (rad/s) in still air."""
+    # an infinite thrust is no number of a file
     within = min(max(float(speed), -FASTEST), FASTEST)
     return float(rotor.thrust_coefficient) * float(push(rotor, within))
 
@@ -111,22 +113,19 @@ def _start(
         )
     qpos, qvel, ctrl = np.array(model.qpos0), np.zeros(model.nv), np.zeros(model.nu)
     at, rates = joint_addresses(vehicle, model)
-    qpos[:3], qpos[3:7], qpos[at] = (
-        start.position,
-        start.quaternion,
-        every_joint(vehicle, start.joints),
-    )
-    qvel[:3], qvel[3:6], qvel[rates] = (
-        start.velocity,
-        start.rate,
-        every_rate(vehicle, start.joint_rates),
-    )
+    qpos[:3] = start.position
+    qpos[3:7] = start.quaternion
+    qpos[at] = every_joint(vehicle, start.joints)
+    qvel[:3] = start.velocity
+    qvel[3:6] = start.rate
+    qvel[rates] = every_rate(vehicle, start.joint_rates)
     thrusts = np.array([*map(_thrust, vehicle.rotors, start.rotor_speeds)])
     tilts = model.jnt_qposadr[
         model.actuator_trnid[model.nactuator - len(vehicle.tilts) :, 0]
     ]
     qpos[tilts] = start.tilts
-    ctrl[: thrusts.size], ctrl[ctrl.size - len(tilts) :] = thrusts, start.tilts
+    ctrl[: thrusts.size] = thrusts
+    ctrl[ctrl.size - len(tilts) :] = start.tilts
     return {"name": START, "qpos": qpos, "qvel": qvel, "act": thrusts, "ctrl": ctrl}
 
 
@@ -139,4 +138,5 @@ def _hover_speeds(
         trim = hover_trim(vehicle, joints, gravity)
     except AllocationError:
         return still
+    # the root of a negative square is no hover
     return trim.speeds if trim.needs_no_pull else still

@@ -54,23 +54,22 @@ class Layout:
     def __init__(
         self, worlds: Sequence[Truth], model: Any, prefixes: Sequence[str] = ("",)
     ) -> None:
-        self.worlds, self.vehicles = (
-            tuple(worlds),
-            tuple(world.vehicle for world in worlds),
-        )
+        self.worlds = tuple(worlds)
+        self.vehicles = tuple(world.vehicle for world in worlds)
         self.nq, self.nv = (
             sum(size + len(each.moving) for each in self.vehicles) for size in (7, 6)
         )
         self.driven = sum(len(each.rotors) + len(each.tilts) for each in self.vehicles)
         self.end = self.nq + self.nv + self.driven
-        self.bases, self.dofs = list[int](), list[list[int]]()
-        ours, whole, first = list[int](), list[int](), self.nq + self.nv
+        self.bases = list[int]()
+        self.dofs = list[list[int]]()
+        ours = list[int]()
+        whole = list[int]()
+        first = self.nq + self.nv
         for vehicle, prefix in zip(self.vehicles, prefixes, strict=True):
-            (q, v), free, n = (
-                joint_addresses(vehicle, model, prefix),
-                model.joint(prefix + free_name(vehicle)),
-                vehicle.n,
-            )
+            q, v = joint_addresses(vehicle, model, prefix)
+            free = model.joint(prefix + free_name(vehicle))
+            n = vehicle.n
             place, base = int(free.qposadr[0]), int(free.dofadr[0])
             count = len(vehicle.rotors) + len(vehicle.tilts)
             # ours is position, quaternion, velocity, rate, joints, joint rates, rotor
@@ -86,6 +85,7 @@ class Layout:
             v[: vehicle.n] for vehicle, v in zip(self.vehicles, self.dofs, strict=True)
         ]
         self._theirs: Reordering = itemgetter(
+            # the inverse of a permutation: sorting its indices by their targets
             *sorted(range(len(whole)), key=whole.__getitem__)
         )
         followed = any(each.followers for each in self.vehicles)
@@ -94,9 +94,11 @@ class Layout:
 
     def _with_followers(self, numbers: Sequence[Any]) -> tuple[Any, ...]:
         """State variables in MuJoCo's order, including the follower joints."""
-        given, every = iter(numbers), list[Any]()
+        given = iter(numbers)
+        every = list[Any]()
         for vehicle in self.vehicles:
-            n, driven = vehicle.n, len(vehicle.rotors) + len(vehicle.tilts)
+            n = vehicle.n
+            driven = len(vehicle.rotors) + len(vehicle.tilts)
             base, joints, rates, speeds = (
                 list(islice(given, count)) for count in (13, n, n, driven)
             )
@@ -143,11 +145,9 @@ class Layout:
         The dual of a free joint's velocity is the force at the base origin in world
         axes and the torque in base axes.
         """
-        generalized, place, motions = (
-            list[Scalar](),
-            list[int](),
-            around.motions(worlds, states),
-        )
+        generalized = list[Scalar]()
+        place = list[int]()
+        motions = around.motions(worlds, states)
         for i, (motion, command) in enumerate(zip(motions, commands, strict=True)):
             force, torques = applied_force(motion, command, around.of(i))
             # what acts on a follower acts on its leader already

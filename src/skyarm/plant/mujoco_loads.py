@@ -35,7 +35,8 @@ def own_to_mujoco(layout: Layout) -> Array:
     MuJoCo's velocities.
     """
     vehicles = layout.vehicles
-    G, first = np.zeros((layout.nv, sum(6 + each.n for each in vehicles))), 0
+    G = np.zeros((layout.nv, sum(6 + each.n for each in vehicles)))
+    first = 0
     for vehicle, base, dofs in zip(vehicles, layout.bases, layout.dofs, strict=True):
         G[base : base + 6, first : first + 6] = np.eye(6)
         for i in range(vehicle.n):
@@ -68,6 +69,7 @@ class Coupling:
         mujoco.mj_fwdVelocity(model, data)
         for column, moved in zip(self._columns, self._moved, strict=True):
             mujoco.mj_mulM(model, data, moved, column)
+        # one product M G serves both G^T M G and the force
         M = self._moved @ self._G
         a = np.linalg.solve(M, self._columns @ (self._force - self._bias))
         self._force[:] = a @ self._moved + self._bias
@@ -95,7 +97,7 @@ class Loads:
         model: mujoco.MjModel,
         data: mujoco.MjData,
         around: Together,
-        prefixes: Sequence[str] = ("",),
+        prefixes: Sequence[str],
     ) -> None:
         self._model, self._data = model, data
         beside = [around.of(i) for i in range(len(prefixes))]
@@ -140,13 +142,16 @@ class Loads:
 
     def _put(self, loads: Array, stuck: Array) -> None:
         key = (loads.tobytes(), stuck.tobytes())
+        # loads change at few instants: most periods have those of the one before
         if key == self._set:
             return
-        self._set, model = key, self._model
+        self._set = key
+        model = self._model
         # MuJoCo's masses of whole trees only choose the point about which it sums: they
         # stay
         for body, (mass, *moments) in zip(self._bodies, loads, strict=True):
             model.body_mass[body], model.body_inertia[body] = mass, moments
+        # from the model's own numbers: a joint that comes free has no more of it
         model.dof_armature[:] = self._armature
         if len(stuck):
             model.dof_armature[self._dofs] += LOCKED * stuck
@@ -156,6 +161,7 @@ class Loads:
         gets stuck.
         """
         loads, stuck = self._of(around)
+        # two mass matrices are the price of an impact only
         if not (loads[:, 4].any() or stuck.any()):
             return qvel
         # what is grasped now was at rest, and no brake has acted yet
@@ -180,7 +186,8 @@ def _numbers(around: Together) -> Scalars:
     """Mass, moments of inertia and grasp flag of each payload, then the stuck flags of
     the joints.
     """
-    numbers, beside = list[Scalar](), [around.of(i) for i in range(len(around.each))]
+    numbers = list[Scalar]()
+    beside = [around.of(i) for i in range(len(around.each))]
     for load, memory in (pair for own in beside for pair in rigid_loads(own)):
         numbers += [
             load.mass * memory.held,

@@ -80,7 +80,9 @@ def build_spec(
     """
     spec = mujoco.MjSpec()
     spec.modelname = vehicle.name
+    # shapes are drawn only: their volumes say nothing of masses
     spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
+    # a load is a body without a joint: fused into its link its mass could not change
     spec.compiler.fusestatic = False
     spec.option.gravity = [0.0, 0.0, -float(gravity)]
     spec.option.timestep = timestep
@@ -90,6 +92,7 @@ def build_spec(
         off.mjDSBL_CONTACT
         | off.mjDSBL_CONSTRAINT
         | off.mjDSBL_EULERDAMP
+        # a diverged state must stay diverged: the episode's monitor ends the flight
         | off.mjDSBL_AUTORESET
     )
     add_vehicle(spec, vehicle, loads)
@@ -99,7 +102,7 @@ def build_spec(
 def add_vehicle(
     spec: mujoco.MjSpec,
     vehicle: Vehicle,
-    loads: Sequence[TimedPayload] = (),
+    loads: Sequence[TimedPayload],
     prefix: str = "",
 ) -> None:
     """Add the tree of a vehicle to a MuJoCo model specification.
@@ -113,7 +116,9 @@ def add_vehicle(
     """
     bodies = {BASE: spec.worldbody.add_body(name=prefix + body_name(vehicle, BASE))}
     bodies[BASE].add_freejoint(
-        name=prefix + free_name(vehicle), align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE
+        # aligned to principal axes, base axes would not be those of the vehicle
+        name=prefix + free_name(vehicle),
+        align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE,
     )
     _give_inertia(bodies[BASE], vehicle.base)
     for i, link in enumerate(vehicle.moving):
@@ -127,16 +132,16 @@ def add_vehicle(
         _give_inertia(bodies[i], link.body)
     for i, load in enumerate(loads):
         grasp = vehicle.frame(load.frame or None)
-        place, name = (
-            grasp.position + grasp.rotation.apply(load.com),
-            prefix + load_name(i),
-        )
+        place = grasp.position + grasp.rotation.apply(load.com)
+        name = prefix + load_name(i)
         body = bodies[grasp.link].add_body(
             name=name, pos=float_array(place), quat=_quaternion(grasp.rotation)
         )
         body.explicitinertial = True
-        body.mass, body.inertia = 0.0, np.zeros(3)
-        body.ipos, body.iquat = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+        body.mass = 0.0
+        body.inertia = np.zeros(3)
+        body.ipos = np.zeros(3)
+        body.iquat = np.array([1.0, 0.0, 0.0, 0.0])
     _add_sites(vehicle, bodies, prefix)
     _add_shapes(vehicle, bodies)
 
@@ -165,7 +170,8 @@ def joint_addresses(
 
 def site_of_rotor(vehicle: Vehicle) -> list[str]:
     """Name of the site at each rotor's hub."""
-    taken, sites = [frame.name for frame in vehicle.frames], list[str]()
+    taken = [frame.name for frame in vehicle.frames]
+    sites = list[str]()
     for rotor in vehicle.rotors:
         sites.append(unused_name(rotor.name, [*taken, *sites]))
     return sites
@@ -183,7 +189,8 @@ def _add_joint(body: mujoco.MjsBody, joint: Joint, prefix: str) -> None:
         "revolute": mujoco.mjtJoint.mjJNT_HINGE,
         "prismatic": mujoco.mjtJoint.mjJNT_SLIDE,
     }
-    name, armature = prefix + joint.name, float(joint.armature)
+    name = prefix + joint.name
+    armature = float(joint.armature)
     body.add_joint(
         name=name,
         type=kinds[joint.kind],
@@ -200,6 +207,7 @@ def _give_inertia(body: mujoco.MjsBody, source: Body) -> None:
     which small links would feel.
     """
     moments, axes = np.linalg.eigh(np.array(source.inertia.full()))
+    # a quaternion needs a rotation, not a reflection
     if np.linalg.det(axes) < 0.0:
         axes[:, 2] *= -1.0
     moments = np.maximum(moments, LEAST)
@@ -207,11 +215,9 @@ def _give_inertia(body: mujoco.MjsBody, source: Body) -> None:
     moments[2] = min(moments[2], moments[0] + moments[1])
     body.explicitinertial = True
     body.mass = max(float(source.mass), LEAST)
-    body.ipos, body.inertia, body.iquat = (
-        float_array(source.com),
-        moments,
-        _mat2quat(axes),
-    )
+    body.ipos = float_array(source.com)
+    body.inertia = moments
+    body.iquat = _mat2quat(axes)
 
 
 def _add_sites(
@@ -233,7 +239,8 @@ def _add_sites(
 def _add_shapes(vehicle: Vehicle, bodies: dict[int, mujoco.MjsBody]) -> None:
     """Add the visual shapes of the vehicle, without mass and contact."""
     for shape in vehicle_shapes(vehicle, meshes=False):
-        kind, half_length = KINDS[shape.kind], shape.kind in ("capsule", "cylinder")
+        kind = KINDS[shape.kind]
+        half_length = shape.kind in ("capsule", "cylinder")
         size = (shape.size[0], 0.5 * shape.size[1]) if half_length else shape.size
         bodies[shape.body].add_geom(
             type=kind,

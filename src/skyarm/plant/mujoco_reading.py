@@ -19,6 +19,9 @@ from skyarm.vehicle.check import refuse
 POSES = 8
 """Number of joint positions at which the mass matrices are compared."""
 
+LEVEL = np.eye(7)[3]
+"""Position and quaternion w x y z of a base at the origin without rotation."""
+
 COLUMNS = ("", "skyarm", "MuJoCo", "largest relative difference")
 
 
@@ -41,7 +44,8 @@ def beside_mujoco(vehicle: Vehicle, file: str) -> list[tuple[str, str, str, str]
     import mujoco
 
     model = _compile(file)
-    data, ours = mujoco.MjData(model), vehicle.joint_names
+    data = mujoco.MjData(model)
+    ours = vehicle.joint_names
     base, *others = sorted(
         range(model.njnt), key=lambda k: model.jnt_type[k] != mujoco.mjtJoint.mjJNT_FREE
     )
@@ -63,23 +67,13 @@ def beside_mujoco(vehicle: Vehicle, file: str) -> list[tuple[str, str, str, str]
     rows: list[tuple[str, str, str, str]] = []
     for q in poses:
         data.qpos[:] = model.qpos0
-        data.qpos[model.jnt_qposadr[base] + np.arange(7)] = [
-            0.0,
-            0.0,
-            0.0,
-            1.0,
-            0.0,
-            0.0,
-            0.0,
-        ]
+        data.qpos[model.jnt_qposadr[base] + np.arange(7)] = LEVEL
         data.qpos[model.jnt_qposadr[same]] += q
         mujoco.mj_fwdPosition(model, data)
         full = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, full)
-        a, b = (
-            np.array(mass_matrix(vehicle, Mat3.identity(), q.tolist()), float),
-            full[np.ix_(rates, rates)],
-        )
+        a = np.array(mass_matrix(vehicle, Mat3.identity(), q.tolist()), float)
+        b = full[np.ix_(rates, rates)]
         rows = rows or [
             (name, text, _whole(b)[name], "") for name, text in _whole(a).items()
         ]
@@ -96,44 +90,44 @@ def _compile(file: str) -> Any:
     """
     import mujoco
 
+    from skyarm.plant.mujoco import QUIET
+
     if Path(file).suffix not in (".urdf", ".xml", ".mjcf"):
         refuse(
             "--compare",
             file,
             "must be a .urdf, .xml or .mjcf file, which MuJoCo reads itself",
         )
-    usual = mujoco.get_mju_user_warning()
-    # or it writes them to a file in the current folder
-    mujoco.set_mju_user_warning(lambda _: None)
     try:
-        spec = mujoco.MjSpec.from_file(file)
-        for each in (*spec.geoms, *spec.meshes) if file.endswith(".urdf") else ():
-            spec.delete(each)
-        spec.compiler.fusestatic = False
-        top = list(spec.worldbody.bodies)
-        free = [
-            body
-            for body in top
-            if any(each.type == mujoco.mjtJoint.mjJNT_FREE for each in body.joints)
-        ]
-        if len(free or top) != 1:
-            raise ValueError(
-                "one of its bodies must be the base: free, or alone in the world"
-            )
-        if not free:
-            top[0].add_freejoint()
-        return spec.compile()
+        # or it writes its warnings to a file in the current folder
+        with QUIET:
+            spec = mujoco.MjSpec.from_file(file)
+            for each in (*spec.geoms, *spec.meshes) if file.endswith(".urdf") else ():
+                spec.delete(each)
+            spec.compiler.fusestatic = False
+            top = list(spec.worldbody.bodies)
+            free = [
+                body
+                for body in top
+                if any(each.type == mujoco.mjtJoint.mjJNT_FREE for each in body.joints)
+            ]
+            if len(free or top) != 1:
+                raise ValueError(
+                    "one of its bodies must be the base: free, or alone in the world"
+                )
+            if not free:
+                top[0].add_freejoint()
+            return spec.compile()
     except ValueError as error:
         refuse("--compare", file, f"MuJoCo reads no vehicle: {one_line(str(error))}")
-    finally:
-        mujoco.set_mju_user_warning(usual)
 
 
 def _whole(M: Array) -> dict[str, str]:
     """Mass, centre of mass and inertia about it, in words, from a mass matrix at a
     level base.
     """
-    m, across = M[0, 0], M[:3, 3:6] / M[0, 0]
+    m = M[0, 0]
+    across = M[:3, 3:6] / M[0, 0]
     com = np.array([across[1, 2], across[2, 0], across[0, 1]])
     inertia = M[3:6, 3:6] - m * (com @ com * np.eye(3) - np.outer(com, com))
     numbers = {

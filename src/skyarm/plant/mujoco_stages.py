@@ -22,7 +22,7 @@ from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import State
 from skyarm.plant.interface import example_command
-from skyarm.plant.loads import felt_in_step, follow_commands
+from skyarm.plant.loads import follow_commands, with_equivalent_rotors
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_welds import Welds
 from skyarm.plant.surroundings import Together, coupled_places
@@ -89,22 +89,22 @@ class StagedRungeKutta:
         model: mujoco.MjModel,
         data: mujoco.MjData,
         around: Together,
-        forward: Callable[[mujoco.MjModel, mujoco.MjData], None] = mujoco.mj_forward,
-        welds: Sequence[Welds] = (),
+        forward: Callable[[mujoco.MjModel, mujoco.MjData], None],
+        welds: Sequence[Welds],
     ) -> None:
         self._welds = welds
-        self._layout, self._model, self._data, self._forward = (
-            layout,
-            model,
-            data,
-            forward,
-        )
+        self._layout = layout
+        self._model = model
+        self._data = data
+        self._forward = forward
         nq, nv = layout.nq, layout.nv
         self._qpos, self._qvel = data.qpos[:nq], data.qvel[:nv]
         self._force, self._qacc = data.qfrc_applied, data.qacc
         vehicles = layout.vehicles
-        own = sum(6 + each.n for each in vehicles)  # velocities but the followers'
-        state, slopes = (0.0,) * layout.end, (0.0,) * (2 * own)
+        # velocities without the followers', which their leaders' give
+        own = sum(6 + each.n for each in vehicles)
+        state = (0.0,) * layout.end
+        slopes = (0.0,) * (2 * own)
         self._coupled = (0.0,) * len(coupled_places(around))
         inputs = RungeKuttaInputs(
             start=state,
@@ -136,10 +136,8 @@ class StagedRungeKutta:
         # outputs: one copy
         before = layout.end + len(self._coupled)
         width = before + len(inputs.turn) + 2 * own + len(self._coupled)
-        self._moving, self._move_state = (
-            self._program.inputs[before:][:width],
-            self._program.outputs[:width],
-        )
+        self._moving = self._program.inputs[before:][:width]
+        self._move_state = self._program.outputs[:width]
         self._loads = self._program.outputs[width:]
         self._positions, self._velocities = self._now[:nq], self._now[nq : nq + nv]
 
@@ -164,7 +162,9 @@ class StagedRungeKutta:
         memory = [add(m, add(mul(earlier, s), mul(own, k))) for m, s, k in rows]
         rates = [add(s, mul(share, k)) for _, s, k in rows]
         around = around.with_coupled(rebuild(shape, iter(memory)))
-        slopes, turns, total = list[Scalar](), iter(inputs.turn), iter(inputs.total)
+        slopes = list[Scalar]()
+        turns = iter(inputs.turn)
+        total = iter(inputs.total)
         turned, following = list[Scalar](), list[State]()
         lags = follow_commands(layout.worlds, first, commands, around, time)
         for x, lag, acceleration in zip(
@@ -182,10 +182,10 @@ class StagedRungeKutta:
         ]
         # the state after the last stage is the begin of the next step
         begun = follow_commands(layout.worlds, first, commands, around, earlier * step)
-        worlds, (_, felt) = felt_in_step(
+        worlds, (_, equivalent) = with_equivalent_rotors(
             layout.worlds, (begun, following), commands, around, step
         )
-        loads = layout.generalized_forces(worlds, felt, commands, around)
+        loads = layout.generalized_forces(worlds, equivalent, commands, around)
         numbers = layout.to_mujoco(leaves(tuple(following)))
         return tuple(map(data, (*numbers, *memory, *turned, *sums, *rates, *loads)))
 
@@ -213,18 +213,18 @@ class StagedRungeKutta:
         # a share of a sum of slopes that hold a step's length already
         tableau[:, 2] = [row[2] for row in STAGES]
         program = self._program.step
-        self._now[:], self._memory[:], self._given[:], self._loads[:] = (
-            x,
-            memory,
-            given,
-            forces,
-        )
+        self._now[:] = x
+        self._memory[:] = memory
+        self._given[:] = given
+        self._loads[:] = forces
         for _ in range(steps):
             self._start[:], self._first[:] = self._now, self._memory
+            # the rotation vector counts from the attitude at which the step begins
             self._turn[:], self._sum[:], self._rates[:] = 0.0, 0.0, 0.0
             for row in tableau:
                 self._solve()
-                self._acceleration[:], self._weights[:] = self._qacc, (*row, dt)
+                self._acceleration[:] = self._qacc
+                self._weights[:] = (*row, dt)
                 program()
                 self._moving[:] = self._move_state
         for each in self._welds:
@@ -236,11 +236,9 @@ class StagedRungeKutta:
         """Compute MuJoCo's accelerations and constraint forces at the stage's state
         under its forces.
         """
-        self._qpos[:], self._qvel[:], self._force[:] = (
-            self._positions,
-            self._velocities,
-            self._loads,
-        )
+        self._qpos[:] = self._positions
+        self._qvel[:] = self._velocities
+        self._force[:] = self._loads
         for each in self._welds:
             each.put(self._memory)
         self._forward(self._model, self._data)
@@ -262,17 +260,14 @@ def _move_state(first: State, change: Sequence[Scalar]) -> State:
     velocities.
     """
     n = len(first.joints)
-
-    def line(values: Sequence[Scalar], more: Sequence[Scalar]) -> Scalars:
-        return sums(values, more)
-
     turned = first.quaternion * Quaternion.of_rotation_vector(Vec3(*change[3:6]))
     return replace(
         first,
         position=first.position + Vec3(*change[0:3]),
+        # a product of unit quaternions drifts off unit length by rounding
         quaternion=turned.normalized(),
-        joints=line(first.joints, change[6 : 6 + n]),
+        joints=sums(first.joints, change[6 : 6 + n]),
         velocity=first.velocity + Vec3(*change[6 + n : 9 + n]),
         rate=first.rate + Vec3(*change[9 + n : 12 + n]),
-        joint_rates=line(first.joint_rates, change[12 + n :]),
+        joint_rates=sums(first.joint_rates, change[12 + n :]),
     )

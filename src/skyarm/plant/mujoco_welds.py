@@ -104,9 +104,12 @@ class Welds:
         prefixes: Sequence[str],
         around: Together,
     ) -> None:
+        # each number replaced by its index tells where it stands in a flat row
         numbered = rebuild(around.coupled_memories(), iter(map(float, count())))
         ((contact, ours),) = closed_contacts(around.with_coupled(numbered))
-        self._grasps, objects, first = contact.grasps, contact.objects, around.each[0]
+        self._grasps = contact.grasps
+        objects = contact.objects
+        first = around.each[0]
         bodies = ours.carried[: len(objects)]
         poses = tuple((each.position, each.attitude) for each in bodies)
         moving = tuple((each.velocity, each.rate) for each in bodies)
@@ -114,20 +117,18 @@ class Welds:
         self.poses, self.moving, self.forces, self._turns = (
             np.array(leaves(part), dtype=int) for part in parts
         )
-        self._places, self._time = (
-            np.array(coupled_places(around)),
-            len(leaves((first.components, first.memories))),
-        )
+        self._places = np.array(coupled_places(around))
+        self._time = len(leaves((first.components, first.memories)))
         off = mujoco.mjtDisableBit
         # a warm start would outlive a call
+        # constraints are off in a model without grasps (build_spec)
         spec.option.disableflags += int(off.mjDSBL_WARMSTART) - int(
             off.mjDSBL_CONSTRAINT
         )
+        # no early stop: the force has to be that of the spring and the damper
         spec.option.tolerance = 0.0
-        coms, at = (
-            {each.name: each.com for each in objects},
-            dict[str, mujoco.MjsBody](),
-        )
+        coms = {each.name: each.com for each in objects}
+        at = dict[str, mujoco.MjsBody]()
         for each in objects:
             at[each.name] = body = spec.worldbody.add_body(
                 name=f"object {each.name}", mass=each.mass
@@ -135,17 +136,13 @@ class Welds:
             body.add_freejoint(align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE)
             # of a flat body a + b = c up to rounding, and MuJoCo refuses a + b < c
             body.inertia = np.minimum([*each.moments], 0.5 * sum(each.moments))
-            body.explicitinertial, body.ipos, body.iquat = (
-                True,
-                np.zeros(3),
-                [1.0, 0.0, 0.0, 0.0],
-            )
+            body.explicitinertial = True
+            body.ipos = np.zeros(3)
+            body.iquat = [1.0, 0.0, 0.0, 0.0]
         kinds = {"ball": mujoco.mjtEq.mjEQ_CONNECT, "fixed": mujoco.mjtEq.mjEQ_WELD}
         for i, grasp in enumerate(self._grasps):
-            agent, name = (
-                around.names.index(grasp.agent or around.names[0]),
-                f"grasp {i}",
-            )
+            agent = around.names.index(grasp.agent or around.names[0])
+            name = f"grasp {i}"
             frame = prefixes[agent] + vehicles[agent].frame(grasp.frame or None).name
             at[grasp.body].add_site(name=name, pos=[*(grasp.place - coms[grasp.body])])
             constraint = spec.add_equality(
@@ -158,8 +155,11 @@ class Welds:
         """Set the stiffness of the constraints in the compiled model, in whose data the
         other methods work.
         """
-        self._model, self._data, self._sites = model, data, model.eq_obj2id
-        model.site_sameframe[self._sites] = 0  # their attitudes change
+        self._model = model
+        self._data = data
+        self._sites = model.eq_obj2id
+        # begin() turns these sites: MuJoCo must not take them for their bodies' frames
+        model.site_sameframe[self._sites] = 0
         self._bodies = model.site_bodyid[self._sites]
         A, turning = (
             model.body_invweight0[self._bodies]
@@ -183,6 +183,7 @@ class Welds:
                 zero, since MuJoCo exerts them.
         """
         memory = around[self._places]
+        # or the force would act twice, by MuJoCo and by our equations
         around[self._places[self.forces]] = 0.0
         self._data.eq_active[:] = around[self._time] < self._release
         fixed = self._sites[self._model.eq_type == mujoco.mjtEq.mjEQ_WELD]
@@ -203,12 +204,10 @@ class Welds:
         """Torque (N m) and force (N) of each constraint on its object at the grasp,
         world axes, from MuJoCo's rows.
         """
-        model, data, numbers, generalized = (
-            self._model,
-            self._data,
-            list[float](),
-            np.zeros(self._model.nv),
-        )
+        model = self._model
+        data = self._data
+        numbers = list[float]()
+        generalized = np.zeros(self._model.nv)
         for i, (site, body) in enumerate(zip(self._sites, self._bodies, strict=True)):
             mujoco.mj_mulJacTVec(
                 model,

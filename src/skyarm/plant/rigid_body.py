@@ -25,13 +25,13 @@ from skyarm.plant.loads import (
     applied_force,
     before_euler_step,
     changes_inertia,
-    felt_in_step,
     follow_commands,
     held_frictions,
     loaded_vehicle,
     rigid_loads,
     stuck_of,
     with_armature,
+    with_equivalent_rotors,
 )
 from skyarm.plant.surroundings import Memories, Surroundings, Together
 from skyarm.records.immutable import immutable
@@ -78,7 +78,8 @@ def accelerate_one(
 
     Several of equal bodies share the code of their forward dynamics.
     """
-    moving, state = loaded_vehicle(motion.vehicle, around), motion.state
+    moving = loaded_vehicle(motion.vehicle, around)
+    state = motion.state
     force, torques = applied_force(motion, command, around)
     Given = tuple[Scalars, Vec3, Scalars, Force, Scalars]
 
@@ -86,6 +87,8 @@ def accelerate_one(
         return dynamics.forward_dynamics(moving, *given)
 
     given = state.joints, state.rate, state.joint_rates, force, torques
+    # code in place shares products with the forces: one vehicle has nothing to gain by
+    # a function of its own
     return (
         compiled_once("forward dynamics", solve, given, moving)
         if len(motion.agents) > 1
@@ -102,12 +105,11 @@ def derivative(
     """Time derivatives of the vehicle states by the equations of motion, and of the
     coupled models' memories.
     """
-    motions, rates = around.motions(worlds, states), list[Rate]()
+    motions = around.motions(worlds, states)
+    rates = list[Rate]()
     for i, (motion, command) in enumerate(zip(motions, commands, strict=True)):
-        state, (base, joint_accelerations) = (
-            motion.state,
-            accelerate_one(motion, command, around.of(i)),
-        )
+        state = motion.state
+        base, joint_accelerations = accelerate_one(motion, command, around.of(i))
         linear, angular = coordinate_acceleration(motion.rotation, base, motion.gravity)
         rates.append(
             Rate(
@@ -145,7 +147,7 @@ def coupled_rk4(
     )
     first = around.coupled_memories()
 
-    turning, (begin, middle, end) = felt_in_step(
+    turning, (begin, middle, end) = with_equivalent_rotors(
         worlds, (states, half, whole), commands, around, dt
     )
 
@@ -158,6 +160,7 @@ def coupled_rk4(
     k2, m2 = slope(_move(middle, k1, 0.5 * dt), moved_by(first, m1, 0.5 * dt))
     k3, m3 = slope(_move(middle, k2, 0.5 * dt), moved_by(first, m2, 0.5 * dt))
     k4, m4 = slope(_move(end, k3, dt), moved_by(first, m3, dt))
+    # rotor speeds at the end are exact already: only the rest is summed up
     after, memories = whole, first
     for k, m, part in (
         (k1, m1, dt / 6.0),
@@ -223,7 +226,9 @@ def coupled_euler(
     First order.
     """
     around = before_euler_step(worlds, states, around, dt)
-    turning, (felt,) = felt_in_step(worlds, (states,), commands, around, dt, held=True)
+    turning, (equivalent,) = with_equivalent_rotors(
+        worlds, (states,), commands, around, dt, held=True
+    )
     held = [
         replace(
             world,
@@ -233,7 +238,7 @@ def coupled_euler(
         )
         for world, state in zip(turning, states, strict=True)
     ]
-    rates, slopes = derivative(held, felt, commands, around)
+    rates, slopes = derivative(held, equivalent, commands, around)
     after = []
     for before, rate, state in zip(
         states,
@@ -277,14 +282,14 @@ def coupled_verlet(
     Source: Hairer, Lubich, Wanner 2003, Geometric numerical integration illustrated by
     the Stoermer-Verlet method, 1.5.
     """
-    half, lags = (
-        0.5 * dt,
-        [
-            follow_commands(worlds, states, commands, around, part)
-            for part in (0.5 * dt, dt)
-        ],
+    half = 0.5 * dt
+    lags = [
+        follow_commands(worlds, states, commands, around, part)
+        for part in (0.5 * dt, dt)
+    ]
+    worlds, (_, begun, _) = with_equivalent_rotors(
+        worlds, (states, *lags), commands, around, dt
     )
-    worlds, (_, begun, _) = felt_in_step(worlds, (states, *lags), commands, around, dt)
     middle = tuple(_drift(each, half) for each in begun)
     there = around.drift(half)
     motions = there.motions(worlds, middle, step=dt)
@@ -303,7 +308,8 @@ def coupled_verlet(
         for i, (motion, command, still) in enumerate(
             zip(at, commands, middle, strict=True)
         ):
-            now, applied = motion.state, applied_force(motion, command, beside.of(i))
+            now = motion.state
+            applied = applied_force(motion, command, beside.of(i))
             # written out, as what depends on the positions alone is that of both pushes
             base, joints = dynamics.forward_dynamics(
                 moving[i], now.joints, now.rate, now.joint_rates, *applied
@@ -428,8 +434,10 @@ def after_impact(vehicle: Vehicle, state: State, around: Surroundings) -> State:
         pushed = [*sums(pushed, efforts)]
     for i, share in enumerate(stuck_of(around)):
         if type(share) is not int:
+            # the momentum that the huge inertia would have at the joint's rate
             pushed[i] = sub(pushed[i], mul(mul(LOCKED, share), state.joint_rates[i]))
     still = (0,) * vehicle.n
+    # impulses in place of forces give jumps of velocity in place of accelerations
     jump, joints = dynamics.forward_dynamics(
         loaded_vehicle(vehicle, around),
         state.joints,

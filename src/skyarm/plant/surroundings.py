@@ -97,6 +97,7 @@ class Surroundings:
     ) -> Scalar:
         """Effort (N m or N) of a joint's drive before its limit and joint friction."""
         if not self.drives:
+            # a vehicle whose joints all take torques states no drives
             return TORQUE_DRIVE.effort((), setpoint, position, rate)
         return self.drives[index].effort(
             self.drive_memories[index], setpoint, position, rate
@@ -124,18 +125,11 @@ class Together:
         share.
         """
         own = self.each[index]
-        components, memories = (
-            (*own.components, *self.components),
-            (
-                *own.memories,
-                *self.memories,
-            ),
-        )
-        return (
-            replace(own, components=components, memories=memories)
-            if self.components
-            else own
-        )
+        if not self.components:
+            return own
+        components = (*own.components, *self.components)
+        memories = (*own.memories, *self.memories)
+        return replace(own, components=components, memories=memories)
 
     def motions(
         self,
@@ -172,6 +166,7 @@ class Together:
         shared ones is the first.
         """
         lists = [(i, own.components, own.memories) for i, own in enumerate(self.each)]
+        # a shared model finds every vehicle in motion.agents: any motion will do
         lists.append((0, self.components, self.memories))
         return tuple(
             (i, *pair)
@@ -272,6 +267,7 @@ class Together:
             for _, c, _ in self.coupled
         ]
         stated = [step for step in steps if step is not None]
+        # a model without a calm step is never calm, so nothing may be longer
         return reduce(minimum, stated) if stated and len(stated) == len(steps) else None
 
     def hurry(
@@ -332,10 +328,8 @@ class Together:
         """Copy of the surroundings with movable bodies accelerated for ``dt`` (s) by
         forces at other states.
         """
-        time, going = (
-            self.each[0].time,
-            zip(self.coupled, felt.coupled_memories(), strict=True),
-        )
+        time = self.each[0].time
+        going = zip(self.coupled, felt.coupled_memories(), strict=True)
         return self.with_coupled(
             [
                 component.push(
@@ -401,7 +395,8 @@ def coupled_places(around: Together) -> tuple[int, ...]:
     """Indices of the coupled models' internal states among all numbers of the
     surroundings.
     """
-    places, first = list[int](), 0
+    places = list[int]()
+    first = 0
     for own in around.each:
         places += _coupled_in(own.components, own.memories, first)
         first += len(leaves(own))
@@ -414,9 +409,11 @@ def _coupled_in(
     """Indices of the coupled models' internal states, where number ``first`` is the
     first one of the models.
     """
-    places, first = list[int](), first + len(leaves(tuple(components)))
+    places = list[int]()
+    first = first + len(leaves(tuple(components)))
     for component, memory in zip(components, memories, strict=True):
         count = len(leaves(memory))
+        # leaves of records come before those of their memories, in the same order
         places += range(first, first + count) if component.coupled else ()
         first += count
     return places

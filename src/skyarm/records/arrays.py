@@ -53,5 +53,6 @@ def float_array(values: Iterable[SupportsFloat]) -> Array:
 
 def stack_values(count: int, values: Iterable[Scalar | Array]) -> Array:
     """Stack scalars and arrays of length ``count`` into one array (values, count)."""
+    # scalars are broadcast, so that a constant stacks with lanes
     rows = [np.broadcast_to(np.asarray(value, dtype=float), count) for value in values]
     return np.stack(rows) if rows else np.zeros((0, count))

@@ -53,6 +53,8 @@ def absent(value: object) -> bool:
     """True for the int 0, which marks a number as absent from compiled code, unlike the
     float 0.0.
     """
+    # type, not ==: False and 0.0 equal 0, but only the int says that an effect is
+    # absent
     return type(value) is int and value == 0
 
 
@@ -76,7 +78,9 @@ def accept(
             given = getattr(record, name)
             converted = rule(f"{where}.{name}" if where else name, given)
             if converted is not given:
+                # frozen records are set past their own guard while they are made
                 object.__setattr__(record, name, converted)
+    # rules raise one class; each record has an error of its own for its users
     except RecordError as refusal:
         raise error(str(refusal)) from None
 
@@ -85,16 +89,20 @@ def number(field: str, value: object) -> Scalar:
     """Convert a scalar: plain numbers become floats; arrays of a batch and traced
     scalars stay as they are.
     """
+    # the most frequent case first: records are made by the thousand
     if type(value) is float:
         return value
     plain = plain_number(value)
+    # True is an int to Python, but no number of a record
     if isinstance(plain, bool):
         refuse(field, value, "must be a number")
     if isinstance(plain, numbers.Real):
         try:
+            # an int of more than 308 digits
             return float(plain)
         except OverflowError:
             refuse(field, value, "must be a finite number")
+    # integer lanes become doubles, because a later division must not round
     if _is_array(plain) and plain.dtype.kind in "fiu":
         return plain if plain.dtype.kind == "f" else plain.astype(float)
     # what is left of scalars: JAX, CasADi, nodes of a trace
@@ -124,10 +132,12 @@ def vector(field: str, value: object) -> Vec3:
     if isinstance(value, Vec3):
         entries = [
             _entry(f"{field}.{axis}", each)
+            # entries of a vector keep their names in messages
             for axis, each in zip("xyz", value, strict=True)
         ]
         return (
             value
+            # the same object where nothing changed: identity saves copies and keys
             if all(a is b for a, b in zip(entries, value, strict=True))
             else Vec3(*entries)
         )
@@ -178,14 +188,17 @@ def inertia(field: str, value: object) -> Sym3:
     components = (number(field, each) for each in entries)
     return Sym3(
         *(0 if type(each) is float and each == 0.0 else each for each in components)
+        # zero products of inertia fold away, as in a file
     )
 
 
 def _symmetric(field: str, rows: list[list[Scalar]], value: object) -> list[Scalar]:
     """Entries xx yy zz xy xz yz of a 3 x 3 matrix, after a check of its symmetry."""
     pairs = [(rows[i][j], rows[j][i]) for i, j in ((0, 1), (0, 2), (1, 2))]
-    concrete = [each for row in rows for each in row if type(each) is float]
+    entries = [each for row in rows for each in row]
+    concrete = [each for each in entries if type(each) is float]
     slack = TOLERANCE * max(map(abs, concrete), default=0.0)
+    # only concrete matrices can be compared; the slack is relative to the largest entry
     if len(concrete) == 9 and any(abs(float(a) - float(b)) > slack for a, b in pairs):
         refuse(field, value, "must be symmetric")
     return [rows[0][0], rows[1][1], rows[2][2], *(a for a, _ in pairs)]
@@ -242,6 +255,7 @@ def whole(field: str, value: object) -> int:
     """Convert a value to a whole number; fractions and other types raise an error."""
     plain = plain_number(value)
     if (
+        # plain != plain // 1 is true of fractions, and of NaN
         isinstance(plain, bool)
         or not isinstance(plain, (int, float))
         or plain != plain // 1
@@ -289,6 +303,7 @@ def plain_number(value: object) -> object:
     """Convert NumPy scalars and zero-dimensional arrays to Python numbers; other values
     are returned unchanged.
     """
+    # looked up, not imported: a record of plain numbers must not load NumPy
     numpy = sys.modules.get("numpy")
     if (
         numpy is not None
@@ -316,6 +331,7 @@ def items(
     """Items of a sequence or array as a list, after a check of their count (None allows
     any).
     """
+    # their iteration yields letters or keys, which are no items
     if isinstance(value, (str, bytes, Mapping, set, frozenset)):
         refuse(field, value, allowed)
     try:
@@ -349,6 +365,7 @@ def unit_vector(field: str, value: object) -> Vec3:
     it.
     """
     direction = vector(field, value)
+    # traced components are taken as of unit length
     length = math.sqrt(sum(c * c for c in direction)) if concrete(*direction) else 1.0
     if not abs(length - 1.0) <= TOLERANCE:
         refuse(
@@ -356,6 +373,7 @@ def unit_vector(field: str, value: object) -> Vec3:
         )
     return (
         direction
+        # a vector that was normalised stays as it is, bit by bit
         if abs(length - 1.0) <= ROUNDING
         else Vec3(*(c if type(c) is int else c / length for c in direction))
     )
@@ -374,11 +392,14 @@ def proper_rotation(field: str, value: object) -> Mat3:
     if not concrete(*entries):
         return rotation
     skew = _skew(rows)
+    # not <=, so that NaN is refused as well
     if (
         not skew <= 10.0 * TOLERANCE
+        # a reflection is orthogonal, too
         or rotation.r0.cross(rotation.r1).dot(rotation.r2) < 0.0
     ):
         refuse(field, entries, "must be a rotation (orthogonal, determinant +1)")
+    # a matrix to rounding stays as it is, bit by bit
     if skew <= ROUNDING:
         return rotation
     for _ in range(3):  # the error is squared each time: 1e-5, 1e-10, rounding

@@ -26,8 +26,10 @@ def content(value: object) -> Hashable:
     """
     kind = type(value)
     if kind is float:
+        # repr tells -0.0 from 0.0, which == does not
         return repr(value)
     if kind in (int, str, bool, type(None)):
+        # the kind stands in the key, because True == 1 and both hash alike
         return kind, value
     inside: Iterable[object]
     if (names := field_names(kind)) is not None:
@@ -37,6 +39,7 @@ def content(value: object) -> Hashable:
     elif isinstance(value, (tuple, list)):
         inside = value
     elif isinstance(value, (Enum, type, FunctionType)):
+        # compared by identity: code has no other content
         return value
     else:
         raise TypeError(f"{kind.__name__}: has no content that could be a key")
@@ -75,6 +78,7 @@ def keep_results(
         def result_of(*arguments: object) -> object:
             try:
                 key = content(arguments if reads is None else reads(*arguments))
+            # what has no content is computed each time
             except TypeError:
                 return function(*arguments)
             return results(_Call(key, arguments))

@@ -122,11 +122,13 @@ def _rule(annotation: object, unit: Unit) -> Rule | None:
     if unit.rule is not None:
         return _with_bounds(unit.rule, unit)
     origin, options = typing.get_origin(annotation), typing.get_args(annotation)
+    # the first member decides: a union's rule tries its options in order
     if origin in (typing.Union, types.UnionType):
         return _one_of(options, unit)
     if annotation in _NUMBERS:
         make = _NUMBERS[annotation]
         return lambda field, value: make(field, value, unit)
+    # checks of a record's class are cheap, so no rule is made for each item
     if origin is tuple and len(options) == 2 and options[1] is Ellipsis:
         if _is_record(options[0]):
             return _many_records(options[0])
@@ -162,6 +164,7 @@ def _is_record(annotation: object) -> TypeGuard[type]:
     """True if an annotation is a class whose instances ``isinstance`` can test, such as
     a dataclass.
     """
+    # numbers have rules of their own, and a protocol cannot be tested by isinstance
     said = isinstance(annotation, type) and annotation not in (
         Any,
         object,
@@ -177,6 +180,7 @@ def _number(field: str, value: object, unit: Unit) -> Scalar:
     """Convert a number and check its bounds; the number stays variable in compiled
     code.
     """
+    # a float needs no conversion: this is the case of almost every field
     converted = value if type(value) is float else coerce.number(field, value)
     if type(converted) is float:
         _within(field, converted, unit)
@@ -216,6 +220,7 @@ def _within(field: str, value: float, unit: Unit) -> None:
             value,
             f"must be {'above' if unit.strict else 'at least'} {unit.low:g}",
         )
+    # an infinite bound that is strict excludes nothing
     if value > unit.high or (unit.strict and value == unit.high < math.inf):
         refuse(
             field,
@@ -288,6 +293,7 @@ def _one_of(options: tuple[object, ...], unit: Unit) -> Rule | None:
     member_rules = [
         rule for rule in (_rule(each, unit) for each in members) if rule is not None
     ]
+    # one member without a rule accepts anything, so the union cannot refuse
     if len(member_rules) < len(members):
         return None
     kinds = tuple(each for each in members if _is_record(each))
@@ -339,6 +345,8 @@ def _many(
             item if follow is None else follow(f"{field}[{i}]", item)
             for i, (follow, item) in enumerate(zip(checks, given, strict=True))
         )
+        # structure is stated by a tuple in code; a plain list comes from a file and is
+        # data
         if given is not value and scalars:
             return tuple(
                 float(item) if type(item) is int else item for item in converted

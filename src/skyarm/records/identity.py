@@ -40,6 +40,7 @@ def identity(record: object) -> str:
     Where plugins are loaded, or code of the record is the user's, their files are part
     of it: a file that has changed flies something else.
     """
+    # titles and sources may be improved without making results of a flight invalid
     content, files = _without(plain(record), FOR_PEOPLE), all_files(record)
     return digest({"record": content, "plugins": files} if files else content)
 
@@ -99,7 +100,8 @@ def all_files(*things: object) -> dict[str, str]:
 
 def _pairs(things: Iterable[object]) -> set[Pair]:
     pairs: set[Pair] = set()
-    waiting, seen = list(things), {}
+    waiting = list(things)
+    seen = {}
     while waiting:
         value = waiting.pop()
         if value is None or (
@@ -116,6 +118,7 @@ def _pairs(things: Iterable[object]) -> set[Pair]:
 def _sources(value: object) -> set[Pair]:
     """User files, with their digests, that define a function or a class."""
     if isinstance(value, type):
+        # a class is what all its bases define
         return {pair for kind in value.__mro__ for pair in _of_class(kind)}
     code = getattr(value, "__code__", None)
     if not isinstance(code, types.CodeType):
@@ -127,6 +130,7 @@ def _sources(value: object) -> set[Pair]:
 def _of_code(code: types.CodeType, module: str) -> set[Pair]:
     if not is_own(code, module):
         return set()
+    # a plugin counts with all modules that it brought along
     plugin = plugin_of(module)
     return {source_of(code)} if plugin is None else set(plugin.identities())
 
@@ -134,6 +138,7 @@ def _of_code(code: types.CodeType, module: str) -> set[Pair]:
 def _of_class(kind: type) -> set[Pair]:
     module = sys.modules.get(kind.__module__)
     file = getattr(module, "__file__", None)
+    # a class of a notebook has no file; its methods have code
     if isinstance(file, str):
         if not is_own_file(file, kind.__module__):
             return set()
@@ -161,6 +166,7 @@ def _parts(value: object) -> list[object]:
         return [type(value), *value]
     if isinstance(value, functools.partial):
         return [value.func, *value.args, *value.keywords.values()]
+    # arrays hold numbers only, and modules have files that are found by their functions
     if isinstance(value, (type, types.ModuleType)) or hasattr(value, "tolist"):
         return []
     if isinstance(value, (types.FunctionType, types.MethodType)) or hasattr(
@@ -175,8 +181,10 @@ def _parts(value: object) -> list[object]:
             *(getattr(value, "__defaults__", None) or ()),
             *closed_over(value),
         ]
+    # members of an enum refer to their class, which is listed in any case
     fields = [] if isinstance(value, Enum) else [each for _, each in fields_of(value)]
     plant = getattr(value, "kind", None)
+    # a scenario names its plant by a text, which a user may have registered
     named_plant = registrations("plant").get(plant) if isinstance(plant, str) else None
     return [
         type(value),

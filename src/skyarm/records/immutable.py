@@ -62,13 +62,14 @@ def short_repr(record: object) -> str:
     """Text of a record in at most 300 characters: its class and fields, of which long
     values show only their class.
     """
-    texts = {
-        each.name: (type(value).__name__, " ".join(repr(value).split()))
-        for each in declarations(type(record))
-        if each.repr
-        for value in [getattr(record, each.name)]
-    }
+    texts = dict[str, tuple[str, str]]()
+    for each in declarations(type(record)):
+        if each.repr:
+            value = getattr(record, each.name)
+            # the type's name stands in place of a value that is too long
+            texts[each.name] = type(value).__name__, " ".join(repr(value).split())
     line = ""
+    # ever shorter values, until the line fits
     for longest in (LONGEST, 60, 24):
         shown = (
             text if len(text) <= longest else f"{kind}(...)"
@@ -92,6 +93,7 @@ def _compare_fields(kind: type, own: Mapping[str, object]) -> None:
     """
     names = [each.name for each in fields(kind) if each.compare]
     # of no field and of one an attrgetter makes no tuple
+    # with the class itself as filler, so that the getter always returns a tuple
     values = attrgetter(*names, *["__class__"] * (2 - len(names)))
 
     def equal(self: object, other: object) -> bool:
@@ -106,6 +108,7 @@ def _compare_fields(kind: type, own: Mapping[str, object]) -> None:
 
     if "__eq__" not in own:
         kind.__eq__ = equal  # type: ignore[method-assign,assignment]
+    # a class with __eq__ of its own has __hash__ = None until it states one
     if own.get("__hash__") is None:
         kind.__hash__ = number  # type: ignore[method-assign,assignment]
 
@@ -192,6 +195,7 @@ def immutable(
             "repr": False,
             **options,
         }
+        # eq is added below, from code that all classes share
         made = _dataclass(**usual | {"eq": False})(kind)
         if made.__repr__ is object.__repr__:
             made.__repr__ = short_repr  # type: ignore[method-assign]

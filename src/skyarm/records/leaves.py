@@ -35,17 +35,6 @@ Place = tuple[str, ...]
 """Field names and item numbers that lead from one record to a part of it."""
 
 
-def _rebuild(template: object, values: Iterator[object]) -> Any:
-    if isinstance(template, tuple):
-        return tuple(_rebuild(item, values) for item in template)
-    names = field_names(type(template))
-    if names is not None:
-        return type(template)(
-            **{name: _rebuild(getattr(template, name), values) for name in names}
-        )
-    return next(values) if is_leaf(template) else template
-
-
 def leaves(record: object) -> list[Any]:
     """All variable scalars of a nested dataclass as a flat list, in field order."""
     scalars: list[Any] = []
@@ -146,6 +135,7 @@ def mismatch(example: object, record: object, path: str) -> str | None:
     """
     below = pairs(example, record, path)
     if below is None:
+        # a leaf may differ in value and type, a constant may not
         kinds = (*_STRUCTURE, tuple)
         shaped = any(
             isinstance(one, kinds) or is_record(one) for one in (example, record)
@@ -171,20 +161,23 @@ def named_parts(record: object, where: str = "") -> Iterator[tuple[str, object]]
     constants included.
     """
     for place, value in walk(record):
-        yield (
-            f"{where}{''.join(f'[{i}]' if i.isdigit() else f'.{i}' for i in place)}".removeprefix(
-                "."
-            ),
-            value,
-        )
+        steps = "".join(f"[{i}]" if i.isdigit() else f".{i}" for i in place)
+        yield f"{where}{steps}".removeprefix("."), value
 
 
 def rebuild(template: Record, values: Iterator[object]) -> Record:
     """Copy of a nested dataclass with its scalars replaced, in order, by given
     values.
     """
-    result: Record = _rebuild(template, values)
-    return result
+    made: Any = template
+    if isinstance(template, tuple):
+        made = tuple(rebuild(item, values) for item in template)
+    elif (names := field_names(type(template))) is not None:
+        parts = {name: rebuild(getattr(template, name), values) for name in names}
+        made = type(template)(**parts)
+    elif is_leaf(template):
+        made = next(values)
+    return cast("Record", made)
 
 
 def as_data(record: Record) -> Record:
@@ -259,6 +252,7 @@ def blend(condition: Scalar, new: Record, old: Record) -> Record:
     """Select between two nested dataclasses, scalar by scalar: ``new`` where a
     condition holds, else ``old``.
     """
+    # old decides the structure, because a memory must keep its shape
     values = [
         where(condition, a, b) for a, b in zip(leaves(new), leaves(old), strict=True)
     ]

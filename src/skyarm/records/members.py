@@ -81,6 +81,7 @@ def members_of(kind: str) -> Callable[[str, object], Members[Any]]:
             coerce.refuse(
                 field, value, f"must be a mapping from names to {kind}, at least one"
             )
+        # names become file names, on file systems that ignore case, too
         plain = [str(name).lower() for name in value]
         for name, each in value.items():
             if not isinstance(name, str) or not (
@@ -98,6 +99,7 @@ def members_of(kind: str) -> Callable[[str, object], Members[Any]]:
                     name,
                     "must differ from other names by more than upper and lower case",
                 )
+            # by the name of the class, whose module would import this one
             if type(each).__name__ != kind:
                 coerce.refuse(f"{field}.{name}", each, f"must be a {kind}")
         return (

@@ -113,6 +113,7 @@ def field_paths(record: object) -> dict[str, Denoted]:
     return places | {
         word: ((field,),)
         for field, word in words_of_fields(type(record)).items()
+        # a field's own name wins over another field's word
         if word not in places
     }
 

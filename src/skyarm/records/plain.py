@@ -66,9 +66,11 @@ def _plain(value: object, above: tuple[int, ...]) -> Plain:
     if value is None or (
         isinstance(value, (bool, str)) and not isinstance(value, Enum)
     ):
+        # a text that reads inf would come back as a float
         return {"type": "text", "text": value} if value in NOT_FINITE else value
     if isinstance(value, Enum):
         return {"type": "enum", "class": dotted_name(type(value)), "name": value.name}
+    # the bool case was taken above, since True is an int
     if isinstance(value, int):
         return int(value)
     if isinstance(value, float):
@@ -90,6 +92,7 @@ def _plain(value: object, above: tuple[int, ...]) -> Plain:
         return {"type": "partial"} | {
             name: _plain(each, above) for name, each in parts.items()
         }
+    # only what the closure holds tells two functions of one name apart
     if hasattr(value, "__name__"):
         bound = _bound(value)
         called: dict[str, Plain] = {"type": "function", "name": dotted_name(value)}
@@ -108,6 +111,7 @@ def _several(value: Any, above: tuple[int, ...]) -> Plain:
     if isinstance(value, (list, tuple)):
         return [_plain(each, above) for each in value]
     if isinstance(value, (set, frozenset)):
+        # a set has no order, a digest needs one
         return sorted((_plain(each, above) for each in value), key=_text)
     entries = _plain(value.tolist(), above)  # NumPy's and JAX's arrays and scalars
     return (
@@ -119,7 +123,8 @@ def _several(value: Any, above: tuple[int, ...]) -> Plain:
 
 def dotted_name(named: type | Named) -> str:
     """Module and name of a class or function, as ``skyarm.algebra.vector:Vec3``."""
-    return f"{getattr(named, '__module__', '')}:{getattr(named, '__qualname__', named.__name__)}"
+    module = getattr(named, "__module__", "")
+    return f"{module}:{getattr(named, '__qualname__', named.__name__)}"
 
 
 def fields_of(value: object) -> list[tuple[str, object]]:
@@ -128,6 +133,8 @@ def fields_of(value: object) -> list[tuple[str, object]]:
     if names is not None:
         fields = [(name, getattr(value, name)) for name in names]
         unwritten, group = written_if_any(type(value)), group_of(type(value))
+        # a sole vehicle is written as before groups had names, so that older digests
+        # stay
         if group and tuple(dict(fields)[group[0]]) == (SOLE,):
             fields = [
                 (group[1], each[SOLE]) if name == group[0] else (name, each)
@@ -142,6 +149,7 @@ def fields_of(value: object) -> list[tuple[str, object]]:
         name for kind in type(value).__mro__ for name in getattr(kind, "__slots__", ())
     ]
     return [
+        # slots of all bases, since a subclass lists its own only
         *getattr(value, "__dict__", {}).items(),
         *((name, getattr(value, name, None)) for name in slots),
     ]

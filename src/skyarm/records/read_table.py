@@ -55,6 +55,7 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
         kind, "short_spellings", None
     )
     if read_short is not None:
+        # asked for first, so that a missing key is refused in the order of the fields
         for name in field_names(kind) or ():  # in the order of a message
             fields.take(called.get(name, name), None)
         values = read_short(fields)
@@ -135,6 +136,7 @@ def same_as(value: object, usual: object) -> bool:
     """True if a value is identical to a field's default: the constant 0 of compiled
     code differs from 0.0.
     """
+    # repr tells -0.0 and nested structure apart, which == does not
     return type(value) is type(usual) and value == usual and repr(value) == repr(usual)
 
 
@@ -187,7 +189,8 @@ def numbers_from(
     Raises:
         ValueError: one line with field, value and what is allowed, in which unit.
     """
-    numbers, usual = dict[str, float](), defaults(kind)
+    numbers = dict[str, float]()
+    usual = defaults(kind)
     for name, unit in scalars(kind).items():
         if not fields.states(name) and (partial or usual[name] is not MISSING):
             continue
@@ -211,6 +214,7 @@ def default_if_equal(value: Any, usual: object) -> Any:
     """Default of a field in place of equal numbers of a file: an int 0 there is
     structure, unlike the file's 0.0.
     """
+    # an int 0 of a default equals a file's 0.0, and must stay structure
     return usual if isinstance(value, (float, Vec3)) and value == usual else value
 
 
@@ -250,6 +254,7 @@ def value_from(
             each for each in typing.get_args(annotation) if each is not type(None)
         )
     if annotation in (float, Scalar):
+        # a field without a unit accepts infinity in code, but no file means it
         infinite = unit.infinite and unit is not NUMBER
         return fields.number(name, low=unit.low, strict=unit.strict, infinite=infinite)
     if annotation is int:
@@ -297,6 +302,7 @@ def _several(kind: object, fields: Fields, name: str) -> tuple[object, ...]:
     lists = fields.take(name)
     if not isinstance(lists, (list, tuple)):
         raise ValueError(f"{at} = {shown(lists)}: must be a list of lists of numbers")
+    # rows as fields of a table, so that messages name their index
     rows = Fields({str(i): each for i, each in enumerate(lists)}, at)
     return tuple(map(rows.numbers, rows.table))
 

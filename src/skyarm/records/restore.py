@@ -62,6 +62,7 @@ def restore(data: object, plugins: Mapping[str, str] | None = None) -> Any:
 
 
 def _restore(data: object, plugins: Mapping[str, str], where: str) -> Any:
+    # strict JSON has no inf and no nan, so they are texts in plain data
     if isinstance(data, str):
         return float(data) if data in NOT_FINITE else data
     if isinstance(data, list):
@@ -76,6 +77,7 @@ def _restore(data: object, plugins: Mapping[str, str], where: str) -> Any:
     if not isinstance(kind, str):
         raise RestoreError(f"{where or 'record'}.type = {shown(kind)}: must be a name")
     try:
+        # an unknown type is that of a record
         reader = _READERS.get(kind)
         return (
             _record(data, plugins, where)
@@ -101,17 +103,22 @@ def _record(data: Table, plugins: Mapping[str, str], where: str) -> object:
     kind = code_of(data["type"], plugins)
     names = (
         field_names(kind)
+        # the class that is found must be the one that was named, not another under an
+        # alias
         if isinstance(kind, type) and dotted_name(kind) == data["type"]
         else None
     )
+    # records are frozen dataclasses; a file may name no other class
     if names is None or not kind.__dataclass_params__.frozen:
         raise RestoreError(
             f"{where or 'record'}: {data['type']} is no frozen dataclass, it cannot be"
             " read back"
         )
     table = {key: value for key, value in data.items() if key != "type"}
+    # a sole vehicle stands under its short name in records
     if (group := group_of(kind)) and group[1] in table:
         table[group[0]] = {SOLE: table.pop(group[1])}
+    # fields that are written only if not empty may be missing
     odd = sorted((set(table) ^ set(names)) - set(written_if_any(kind)))
     if odd:
         raise RestoreError(
@@ -130,11 +137,14 @@ def _record(data: Table, plugins: Mapping[str, str], where: str) -> object:
 def _function(data: Table, plugins: Mapping[str, str], where: str) -> object:
     """Restore a reference to a function of a module or a method of a record."""
     name = data["name"]
+    # <locals> and <lambda> cannot be found by name
     if "<" in name:
         raise RestoreError(
             f"{where or 'record'}: {name} was made inside a function, it cannot be read"
             " back"
         )
+    # a record from outside may name functions of laws only, none that reads or writes
+    # files
     if name.startswith("skyarm.") and not name.startswith(FUNCTIONS):
         raise RestoreError(
             f"{where or 'record'} = {shown(name)}: must be a function of a law"

@@ -13,6 +13,7 @@ Row = tuple[str, ...]
 
 def shown_number(value: float, digits: int = 3) -> str:
     """Format a number with a few significant digits; values below 1e-12 become 0."""
+    # a number that should be zero would print as 1e-17
     return "0" if abs(value) < NOTHING else f"{value:.{digits}g}"
 
 

@@ -62,6 +62,8 @@ def _pickler() -> type[pickle.Pickler]:
 
     class Pickler(cloudpickle.Pickler):  # type: ignore[misc]
         def reducer_override(self, value: object) -> object:
+            # what can be imported travels by its name; classes and others go the
+            # package's own way
             if type(value) is not FunctionType or not _is_made_in_a_module(value):
                 return super().reducer_override(value)
             cells = value.__closure__ or ()
@@ -91,6 +93,7 @@ def _is_made_in_a_module(function: FunctionType) -> bool:
     inner function.
     """
     home = sys.modules.get(str(function.__globals__.get("__name__")))
+    # a module without a spec, such as a script, cannot be imported elsewhere
     if getattr(home, "__spec__", None) is None or home is sys.modules["__main__"]:
         return False
     named: object = sys.modules.get(function.__module__)

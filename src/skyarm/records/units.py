@@ -143,6 +143,8 @@ def unresolved_field(kind: type) -> str | None:
     all can.
     """
     for each in kind.__mro__:
+        # a module that is not loaded has no names, and typing's are those that
+        # annotations use
         names = vars(sys.modules.get(each.__module__, typing))
         for name, annotation in inspect.get_annotations(each).items():
             try:

@@ -124,10 +124,8 @@ def groups(kind: type) -> dict[str, type]:
     Of members by name it is the property for the only one
     (:mod:`skyarm.records.members`), with the class of a member.
     """
-    types, sole = (
-        typing.get_type_hints(kind),
-        {field.name: alone(field) for field in declarations(kind)},
-    )
+    types = typing.get_type_hints(kind)
+    sole = {field.name: alone(field) for field in declarations(kind)}
     named = [name for name, word in _words_in(kind) if word.group]
     return {
         sole[name] or name: typing.get_args(types[name])[1]
@@ -143,6 +141,7 @@ def _slots(kind: type, table: str, place: Place) -> Iterator[Slot]:
     for field, word in _words_in(kind):
         name = sole[field] or field
         path = name if word.at is None else word.at
+        # a leading slash counts from the top of the file
         path = (
             path[1:] if path.startswith("/") else ".".join(filter(None, (table, path)))
         )
@@ -185,12 +184,8 @@ def _words_in(of: type | Callable[..., object]) -> list[tuple[str, Word]]:
     except (NameError, TypeError):  # a name that only type checkers import
         return []
     names = (field_names(of) if isinstance(of, type) else None) or full
-    return [
-        (name, word)
-        for name in names
-        if name in full
-        for word in _words_said(full[name])
-    ]
+    declared = [name for name in names if name in full]
+    return [(name, word) for name in declared for word in _words_said(full[name])]
 
 
 def _words_said(annotation: object) -> tuple[Word, ...]:
@@ -199,4 +194,5 @@ def _words_said(annotation: object) -> tuple[Word, ...]:
         if typing.get_origin(annotation) is typing.Annotated
         else ()
     )
+    # a field that declares no key stands under its own name
     return tuple(each for each in extras if isinstance(each, Word)) or (Word(),)

@@ -234,7 +234,8 @@ def retreat(task: TaskBuilder, phase: Fields) -> None:
     duration = seconds(phase, "duration", 1.0)
     if goal == task.at:
         task.rest(duration)
-    else:  # straight out, as of a hole: an offset of the reference stays
+    else:
+        # straight out, as of a hole: an offset of the reference stays
         task.rest(wait)
         task.go([task.at, goal], duration)
     task.wait_until(phase)
@@ -250,6 +251,7 @@ def search(task: TaskBuilder, phase: Fields) -> None:
     radius = positive(phase, "radius")
     pace = positive(phase, "pace", 0.02)
     depth = positive(phase, "depth", 0.003)
+    # each quarter of a turn is a knot of the plan
     if radius > MOST_TURNS * pitch:
         raise ValueError(
             f"{phase.at('pitch')} = {pitch:g}: must be at least"
@@ -309,7 +311,8 @@ def turn(task: TaskBuilder, phase: Fields) -> None:
             f"{phase.at('angle')} = 0: must be an angle in rad, counter-clockwise about"
             " the axis"
         )
-    begun, duration = task.time, seconds(phase, "duration")
+    begun = task.time
+    duration = seconds(phase, "duration")
     a, away = Vec3(*axis), Vec3(*task.at) - Vec3(*center)
     out = away - a * a.dot(away)
     radius = float(out.norm())
@@ -401,6 +404,7 @@ def _tell_push(task: TaskBuilder, phase: Fields) -> None:
 def _across(normal: Place) -> tuple[Vec3, Vec3]:
     """Two unit vectors perpendicular to a normal and to each other."""
     n = Vec3(*normal)
+    # the axis farthest from the normal, whose cross product is longest
     least = min(range(3), key=lambda i: abs(normal[i]))
     u = n.cross(Vec3(*(1.0 if i == least else 0.0 for i in range(3))))
     u = u * (1.0 / float(u.norm()))
@@ -416,8 +420,10 @@ def _spiral_angle(begin: float, most: float, growth: float, pace: float) -> Poly
     time: it begins and ends at rest.
     """
     k = pace / (growth * 2.0 * math.pi * FASTEST_TURNING)
+    # a first, a middle and a last piece: the outer two take twice their time
     count = max(3, math.ceil(most / (0.5 * math.pi)))
     angles = [most * i / count for i in range(count + 1)]
+    # integral of sqrt(k^2 + a^2) by the angle, over its speed
     even = [
         0.5 * growth / pace * (a * math.hypot(k, a) + k * k * math.asinh(a / k))
         for a in angles

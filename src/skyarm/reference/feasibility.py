@@ -32,7 +32,7 @@ POSTURES = 8
 """Number of random postures that determine in how many directions the arm can move the
 tip."""
 
-ASIDE = 1e-3
+BLOCKED = 1e-3
 """Fraction of the largest singular value below which an arm cannot move its tip in a
 direction; right angles in files are rounded, to 1.571 rad or finer."""
 
@@ -101,17 +101,17 @@ def _weakest(
     every = -(-len(times) // MOST_JACOBIANS)
     times, joints = times[::every], joints[:, ::every].T
     others = np.tile(joints[0], (POSTURES, 1))
+    # of a fixed seed, so that a warning comes in every run or in none
     others[:, list(carriers)] = np.random.default_rng(0).uniform(
         -1.0, 1.0, (POSTURES, len(carriers))
     )
     postures = np.concatenate([others, joints])
-    still, level = (
-        np.zeros((len(postures), 3)),
-        np.tile([1.0, 0.0, 0.0, 0.0], (len(postures), 1)),
-    )
+    still = np.zeros((len(postures), 3))
+    level = np.tile([1.0, 0.0, 0.0, 0.0], (len(postures), 1))
     J = frame_jacobian(vehicle, still, level, postures)[:, :3, 6:][:, :, list(carriers)]
     values = np.linalg.svd(J, compute_uv=False)
-    moved = (values[:POSTURES] > ASIDE * values.max()).sum(axis=1).max()
+    moved = (values[:POSTURES] > BLOCKED * values.max()).sum(axis=1).max()
+    # values fall, so the last that counts is that of the weakest direction
     least = values[POSTURES:, max(moved, 1) - 1]
     at = int(np.argmin(least))
     return float(least[at]), float(times[at])
@@ -146,6 +146,8 @@ def _at_limits(arm: Arm, q: Array, seconds: float) -> Iterator[tuple[str, float]
     """
     for number, joint in zip(arm.carriers, arm.joints, strict=True):
         (low, high), values = joint.ends, q[number]
+        # plans keep MARGIN from a limit, so a joint at it is that far away
         near = (values <= low + 2.0 * MARGIN) | (values >= high - 2.0 * MARGIN)
+        # a joint with hardly any range is near both limits all the time
         if near.any() and high - low > 4.0 * MARGIN:
             yield joint.name, float(near.sum()) * seconds

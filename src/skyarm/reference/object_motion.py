@@ -118,8 +118,10 @@ class PoseTrajectory:
             for each in (self.roll, self.pitch, self.yaw)
         ]
         turns = [(cos(each), sin(each)) for each in angles]
-        columns, (c, s) = rotation_columns(turns), turns[2]
+        columns = rotation_columns(turns)
+        c, s = turns[2]
         roll, pitch, yaw = (each.derivative_series() for each in angles)
+        # the angular velocity is each angle's rate about its own axis, of ZYX angles
         turn = [
             columns[0].x * roll - s * pitch,
             columns[0].y * roll + c * pitch,
@@ -191,22 +193,23 @@ def motion_of_object(fields: Fields, start: Vec3) -> PoseTrajectory:
     """
     fields.choice("kind", ("phases",), "phases")
     x, y, z = fields.vector("position", tuple(map(float, start)))
-    pose, time = dict(zip(POSE, (x, y, z, 0.0, 0.0, 0.0), strict=True)), 0.0
+    pose = dict(zip(POSE, (x, y, z, 0.0, 0.0, 0.0), strict=True))
+    time = 0.0
     moves: dict[str, list[Signal]] = {
         name: [Constant(value)] for name, value in pose.items()
     }
     if "path" in fields.table:
         path = motion_from(fields.take("path"), fields.at("path"), Setting())
         moves |= {name: [*moves[name], getattr(path, name)] for name in "xyz"}
-    lift, stop, at = -1.0, 0.0, fields.at("phases")
+    at = fields.at("phases")
+    # -1 and 0 stand for a body that never leaves its support or never stands again
+    lift, stop = -1.0, 0.0
     for i, entry in enumerate(
         filled_list(fields.take("phases"), at, "a list of phases")
     ):
         phase = Fields(entry, f"{at}[{i}]")
-        kind, duration = (
-            phase.choice("kind", PHASES),
-            phase.number("duration", low=0.0, strict=True),
-        )
+        kind = phase.choice("kind", PHASES)
+        duration = phase.number("duration", low=0.0, strict=True)
         if stop and kind != "hold":
             raise ValueError(
                 f"{at}[{i}].kind = {kind!r}: must be 'hold', after a phase of kind"

@@ -2,7 +2,7 @@
 of the reference.
 
 A governor slows the *path parameter* s(t), with 0 <= ds/dt, and leaves the path as it
-is. The motion that a law is told at the flight's time t is the commanded one at s(t);
+is. The reference that a law receives at flight time t is the commanded one at s(t);
 its derivatives follow by the chain rule. The curve is one of uniform quintic B-splines:
 four continuous derivatives, and a rate within the hull of the steps between control
 points, so that points which do not fall make a time that never runs backwards.
@@ -70,6 +70,7 @@ class PathTime:
         """Path time s and its derivatives up to d4s/dt4 at flight time t (s)."""
         points, step = doubles(self.points), float(self.step)
         # sums and products alone, so that every machine finds the same bits
+        # before and after its plan the curve stays at its ends
         u = np.clip(doubles(t) / step, 0.0, float(len(points) - FEWEST + 1))
         piece = np.minimum(u.astype(int), len(points) - FEWEST)
         left = u - piece
@@ -110,6 +111,7 @@ class PathTime:
         low, high = 0.0, self.duration
         if float(self.derivatives(high)[0]) < path_time:
             return high
+        # 60 halvings bring any flight's length below the last bit of its times
         for _ in range(60):
             middle = 0.5 * (low + high)
             if float(self.derivatives(middle)[0]) < path_time:
@@ -144,6 +146,7 @@ def by_flight_time(reference: Reference, s: Derivatives) -> Reference:
     joints = zip(
         r.joint_rates, r.joint_accelerations, r.joint_jerks, r.joint_snaps, strict=True
     )
+    # without joints there are no rows to turn round
     moved = tuple(zip(*(_chain_rule(d, s) for d in joints), strict=True)) or ((),) * 4
     rates: dict[str, Any] = dict(
         zip((*VECTORS[1:], *JOINTS[1:]), (*vectors, *moved), strict=True)

@@ -73,6 +73,7 @@ def phases_table(fields: Fields, setting: Setting) -> Trajectory:
         kind = phase.choice("kind", tuple(KINDS))
         joints = _joints(phase)
         task.begin(phase)
+        # a motion in free flight ends the force that was held
         if kind not in TOUCHING:
             task.force = None
         _require_hands(task, phase, kind)
@@ -228,8 +229,10 @@ def with_joint_moves(
     signals = list(trajectory.joints)
     added: dict[int, list[Signal]] = {}
     reached: dict[int, float] = {}
+    # phases of several tasks are read one task after the other
     for move in sorted(moves, key=lambda each: each.start):
         i = _index(move, trajectory, vehicle)
+        # a move begins where the one before has ended
         at = reached.get(i, float(signals[i].derivatives(0.0)[0]))
         _require_within(move, at, vehicle, i, fastest)
         if move.value != at:

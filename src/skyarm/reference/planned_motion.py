@@ -23,6 +23,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from skyarm.algebra import Quaternion, Scalar, Scalars
+from skyarm.algebra.frames import continuous
 from skyarm.records.arrays import Array, lengths, stack_values
 from skyarm.records.field_rules import checked
 from skyarm.records.files import Fields, require_file, shown
@@ -203,7 +204,7 @@ def read_plan_arrays(file: str, at: str) -> dict[str, Any]:
     _require_arrays(arrays, at)
     # an attitude is two quaternions; between nodes of different ones the way would lead
     # through zero
-    return arrays | {"quaternion": same_signs(arrays["quaternion"])}
+    return arrays | {"quaternion": continuous(arrays["quaternion"])}
 
 
 UNREADABLE = (
@@ -290,20 +291,19 @@ def _require_arrays(arrays: dict[str, Any], at: str) -> None:
             else SHAPES[name]
         )
         # between nodes
-        (first, *more), rows = (
-            arrays[name].shape or (0,),
-            len(t) - (name in ("inputs", "gains")),
-        )
+        first, *more = arrays[name].shape or (0,)
+        rows = len(t) - (name in ("inputs", "gains"))
         if (
             first != rows
             or len(more) != len(axes)
             or any(x and k not in x for x, k in zip(axes, more, strict=True))
         ):
-            words = ",".join(
+            columns = ",".join(
                 f" {lengths[0]}" if lengths else " any number" for lengths in axes
             )
             raise ValueError(
-                f"{at}: {name} of shape {arrays[name].shape}: must be ({rows},{words})"
+                f"{at}: {name} of shape {arrays[name].shape}: must be"
+                f" ({rows},{columns})"
             )
     if not (np.diff(t) > 0.0).all():
         raise ValueError(f"{at}: t: must increase from node to node")
@@ -313,14 +313,6 @@ def _require_arrays(arrays: dict[str, Any], at: str) -> None:
         np.ndim(arrays["vehicle"]) or np.asarray(arrays["vehicle"]).dtype.kind != "U"
     ):
         raise ValueError(f"{at}: vehicle: must be a name")
-
-
-def same_signs(q: Array) -> Array:
-    """Quaternions (N, 4) of the same attitudes, none of the opposite sign of the one
-    before it.
-    """
-    turns = np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
-    return np.asarray(q * np.cumprod(np.append(1.0, turns))[:, None])
 
 
 LARGEST = 1e6

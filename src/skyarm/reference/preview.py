@@ -44,12 +44,13 @@ def with_preview(
     if not leads:
         return sample
     later = [at(lead) for lead in leads]
-    ahead = tuple(
-        number for coming in later for each in samples(coming) for number in each
-    )
+    numbers: list[Scalar] = []
+    for coming in later:
+        for each in samples(coming):
+            numbers += each
     return replace(
         sample,
-        ahead=ahead,
+        ahead=tuple(numbers),
         turning=sum((coming.turning for coming in later), sample.turning),
     )
 

@@ -82,6 +82,7 @@ class Redirected(Signal):
         motion.
         """
         start = float(self.start)
+        # a goal that never comes has no switches
         own = (start, start + float(self.duration)) if start < NEVER else ()
         return (*(s for s in self.signal.switch_times() if s < start), *own)
 
@@ -137,7 +138,9 @@ def shortest_duration(
         speed: largest, in the unit of the signals per second.
         acceleration: largest, per second squared.
     """
-    durations, u = DURATIONS[:, None], np.linspace(0.0, 1.0, LOOKS)
+    durations = DURATIONS[:, None]
+    u = np.linspace(0.0, 1.0, LOOKS)
+    # 1 at least: of durations within all limits argmin takes the first, the shortest
     most = np.ones(len(DURATIONS))
     for begin, goal in zip(begins, goals, strict=True):
         moving = quintic(u, durations, *begin, goal)

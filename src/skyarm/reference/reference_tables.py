@@ -79,6 +79,7 @@ import inspect
 import itertools
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -156,6 +157,7 @@ def motion_from(entry: object, where: str, setting: Setting) -> Trajectory:
         return total
     fields = Fields(entry, where)
     make = find("motion", fields.take("kind"), fields.at("kind"))
+    # a registered motion of a user may have a number of that name
     if "setting" in inspect.signature(make).parameters and make.__module__.startswith(
         "skyarm.reference."
     ):
@@ -237,10 +239,10 @@ def push_from(table: object, where: str, duration: float = 0.0) -> TipPush:
         if name in fields.table
     }
     push = record_from(TipPush, fields)
-    for name, words in (("normal", "out of the surface"), ("axis", "along the axis")):
+    for name, way in (("normal", "out of the surface"), ("axis", "along the axis")):
         if name in vectors and math.hypot(*vectors[name]) < SHORTEST:
             raise ValueError(
-                f"{fields.at(name)} = {shown(list(vectors[name]))}: must point {words}"
+                f"{fields.at(name)} = {shown(list(vectors[name]))}: must point {way}"
             )
     if not 0.0 < float(push.speed) <= FASTEST:
         raise ValueError(
@@ -296,8 +298,10 @@ def _over_time(signal: Signal, duration: float) -> tuple[Array, Array]:
     there.
     """
     switches = sorted({0.0, *map(float, signal.switch_times()), duration})
+    # a signal may be large between two switches that no even instant meets
     between = [0.5 * (a + b) for a, b in itertools.pairwise(switches)]
     looks = np.concatenate([switches, between, np.linspace(0.0, duration, LOOKS)])
+    # what overflows is refused by its size, in one line
     with np.errstate(all="ignore"):
         return looks, np.broadcast_to(
             doubles(signal.derivatives(looks)[0]), looks.shape
@@ -325,7 +329,9 @@ def reference_from(
         table = plan_tables(
             Fields(table, where), setting.vehicle.name if setting.vehicle else None
         )
-    own, rest, carried, own_base = {}, table, setting.carried, False
+    own: dict[str, Any] = {}
+    rest, carried = table, setting.carried
+    own_base = False
     if isinstance(table, dict):
         own = {
             name: table[name] for name in ("push", "load", "planned") if name in table
@@ -362,7 +368,8 @@ def reference_from(
         if carried is None:
             path = motion_from(fields.take("path"), fields.at("path"), setting)
         else:
-            path, base = carried, replace(base, yaw=base.yaw + carried.yaw)
+            path = carried
+            base = replace(base, yaw=base.yaw + carried.yaw)
         trajectory = tip_trajectory(fields, base, path, vehicle, setting)
         if "base" in rest:
             raise ValueError(

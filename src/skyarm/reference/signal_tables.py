@@ -63,7 +63,8 @@ def sequence_from(fields: Fields) -> Signal:
     """Signal of consecutive ramps, each given by its duration and its final value."""
     start, initial = fields.number("start"), fields.number("initial", 0.0)
     shape = fields.choice("shape", ("linear", "quintic"), "linear")
-    at, pairs, segments = fields.at("segments"), "[duration, value at its end]", []
+    at, pairs = fields.at("segments"), "[duration, value at its end]"
+    segments = []
     for index, pair in enumerate(
         filled_list(fields.take("segments"), at, f"a list of {pairs}")
     ):
@@ -114,18 +115,14 @@ class SignalList:
     @classmethod
     def from_table(cls, entry: object, where: str) -> SignalList:
         """Read a list of time signals from a value of a scenario file."""
-        signals = (
-            (
-                Constant(0)
-                if type(each) in (int, float) and each == 0.0
-                else signal_from(each, f"{where}[{i}]")
-            )
-            for i, each in enumerate(
-                filled_list(
-                    entry, where, "a list of signals of time, one for each component"
-                )
-            )
-        )
+        what = "a list of signals of time, one for each component"
+        signals: list[Signal] = []
+        for i, each in enumerate(filled_list(entry, where, what)):
+            # a component that a file states as 0 is structure: nothing is computed
+            if type(each) in (int, float) and each == 0.0:
+                signals.append(Constant(0))
+            else:
+                signals.append(signal_from(each, f"{where}[{i}]"))
         return cls(tuple(signals))
 
     def at(self, t: Scalar) -> Scalars:

@@ -158,15 +158,15 @@ class Ramp(Signal):
         """
         rate = 1.0 / self.duration
         blend = {"linear": _linear, "quintic": _quintic, "nonic": _nonic}[self.shape]
-        pieces = []
+        pieces: list[Scalar] = []
         scale = self.height
         for order, piece in enumerate(blend((t - self.start) * rate)):
             after = self.height if order == 0 else 0.0
-            pieces.append(
-                self._select_piece(t, piece * scale, after)
-                if type(piece) is not int
-                else 0
-            )
+            # an int of 0 is structure: a derivative that no trace computes
+            if type(piece) is int:
+                pieces.append(0)
+            else:
+                pieces.append(self._select_piece(t, piece * scale, after))
             scale = scale * rate
         return tuple(pieces)
 
@@ -253,10 +253,10 @@ class Windowed(Signal):
         """Names, in parameter paths, of window limits and inner parameters; ``start``
         also shifts an inner sine.
         """
-        below_it = below(("signal",), path_names(self.signal)) | {
-            name: ((name,),) for name in parts(self)
-        }
+        inner = below(("signal",), path_names(self.signal))
+        below_it = {**inner, **Signal.path_names(self)}
         if isinstance(self.signal, Shifted) and isinstance(self.signal.signal, Sine):
+            # a circle's start opens its window and is where its angle counts from
             below_it["start"] = (("start",), ("signal", "delay"))
         return below_it
 
@@ -265,6 +265,7 @@ class Windowed(Signal):
         return tuple(self._inside(t, value) for value in self.signal.derivatives(t))
 
     def _inside(self, t: Scalar, value: Scalar) -> Scalar:
+        # 0 in and out of the window alike, as structure
         if same(value, 0):
             return 0
         return where(t < self.start, 0.0, where(t < self.stop, value, 0.0))
@@ -289,9 +290,8 @@ class Shifted(Signal):
         """Names, in parameter paths, of the delay and of the delayed signal's
         parameters.
         """
-        return below(("signal",), path_names(self.signal)) | {
-            name: ((name,),) for name in parts(self)
-        }
+        inner = below(("signal",), path_names(self.signal))
+        return {**inner, **Signal.path_names(self)}
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives of the signal at t - delay."""
@@ -399,6 +399,7 @@ def sequence(
             raise ValueError(
                 f"sequence: a segment lasts {duration!r} s: must be above 0 s"
             )
+        # symbols of a trace cannot be compared; the same one is the same number
         if target is not value and not (concrete(target, value) and target == value):
             signals.append(
                 Ramp(start=t, duration=duration, height=target - value, shape=shape)
@@ -459,6 +460,7 @@ def signal_from(entry: object, where: str) -> Signal:
         record_from(make, fields) if isinstance(make, type) else make(fields)
     )
     fields.done()
+    # signals of the library are tested, those of users are not
     return signal if make.__module__.startswith(PACKAGE) else _checked(make, signal)
 
 

@@ -49,14 +49,14 @@ SWITCHES = ("closed", "open")
 
 ASKED = (*NUMBERS, *SWITCHES)
 
-Vector = tuple[float, float, float]
+Place = tuple[float, float, float]
 
 NOWHERE = 1e-6
 """Length of a vector below which its direction is undefined."""
 
 
 def guard_from(
-    phase: Fields, normal: Vector | None, usual: Mapping[str, Any] | None = None
+    phase: Fields, normal: Place | None, usual: Mapping[str, Any] | None = None
 ) -> dict[str, Any] | None:
     """Condition that ends a task phase, from the table ``until`` of the phase; None
     without a condition.
@@ -123,7 +123,7 @@ def _guard_conditions(fields: Fields) -> dict[str, Any]:
     return conditions
 
 
-def unit_vector(fields: Fields, name: str) -> Vector:
+def unit_vector(fields: Fields, name: str) -> Place:
     """Read a vector of a table and normalise it to unit length."""
     given = fields.vector(name)
     length = math.hypot(*given)
@@ -135,8 +135,6 @@ def unit_vector(fields: Fields, name: str) -> Vector:
     x, y, z = (c / length for c in given)
     return x, y, z
 
-
-Place = tuple[float, float, float]
 
 EDGE = 1e-6
 """Time (s) after the planned end of a phase at which a force changes; the reference may
@@ -211,7 +209,8 @@ class TaskBuilder:
         self._forces: list[tuple[float, float, float]] = []
         self._strays = self._back = False
         self._window = 0.0, 0.0
-        self._pressed = -2  # number of the last phase that pressed
+        # number of the last phase that pressed; -2 is before any, also before the first
+        self._pressed = -2
 
     def begin(self, phase: Fields) -> None:
         """Begin a phase of the task; a phase with a start time first holds the last
@@ -248,19 +247,21 @@ class TaskBuilder:
             duration: s; as fast as the limits let if left out.
             back: True to take an offset of the reference back on the way.
         """
-        begun, here = (
-            self.time,
-            len(points) == 2 and _apart(points[0], points[1]) < SHORTEST,
-        )
-        if not here:
+        begun = self.time
+        stays = len(points) == 2 and _apart(points[0], points[1]) < SHORTEST
+        if not stays:
             times = allocate(points, self._limits, self.setting.gravity)
             if duration is not None:
+                # the shares of the pieces stay, and with them the shape of the motion
                 times = tuple(t * (duration / times[-1]) for t in times)
             self._pieces.append((points, tuple(self.time + t for t in times)))
             self.time, self.at = self.time + times[-1], points[-1]
         if back and self._strays:
-            self.time = max(self.time, begun + COMING_BACK) if here else self.time
-            self._back, self._window, self._strays = True, (begun, self.time), False
+            # a reference that stays still needs time to come back to its plan
+            if stays:
+                self.time = max(self.time, begun + COMING_BACK)
+            self._window = (begun, self.time)
+            self._back, self._strays = True, False
 
     def go_through(
         self, phase: Fields, goal: Place, *, back: bool = True, new: bool = True
@@ -363,7 +364,8 @@ class TaskBuilder:
                 "reference: two tasks whose phases press or grip do not add"
             )
         pieces = [_during(f, a + EDGE, b + EDGE) for a, b, f in self._forces]
-        speed, arc = SPEED if self.speed is None else self.speed, self.known_arc
+        speed = SPEED if self.speed is None else self.speed
+        arc = self.known_arc
         if arc is None:
             if self.normal is None:
                 raise AssertionError("a force needs a direction")

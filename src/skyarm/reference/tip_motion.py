@@ -71,6 +71,7 @@ class Arm:
         Taylor series.
         """
         point = _to_series(self.tip)
+        # from the tip inwards each joint turns one point; outwards it would be frames
         for number, joint in reversed(
             list(zip(self.carriers, self.joints, strict=True))
         ):
@@ -267,6 +268,7 @@ def counted_error(away: Vec3, push: Sequence[Scalar], tip: Vec3) -> Vec3:
     n, pressed = Vec3(*normal), force > 0.0
     if len(push) > 5:
         pressed = logical_or(pressed, push[5] > 0.5)
+    # the normal of a handle turns with the tip
     if len(push) > 6:
         n = out_of_axis(tip, Vec3(*push[6:9]), Vec3(*push[9:]), push[5] > 0.5, n)
     return away - n * where(pressed, n.dot(away), 0.0)

@@ -133,7 +133,8 @@ def solve_pose(
     """Joint positions within bounds that bring the tip nearest to a pose, by damped
     least squares.
     """
-    q, damping = list(start), DAMPING * task.length * task.length
+    q = list(start)
+    damping = DAMPING * task.length * task.length
     rows, errors = _errors(task, q, position, orientation)
     cost = _cost(task, q, errors)
     for _ in range(steps):
@@ -147,6 +148,7 @@ def solve_pose(
             } - still
             if not past:
                 break
+            # without those at a bound the step is another, and may pass further ones
             still |= past
         new = [
             min(max(x + d, a), b)
@@ -155,8 +157,11 @@ def solve_pose(
         tried = _errors(task, new, position, orientation)
         new_cost = _cost(task, new, tried[1])
         moved = max((abs(a - b) for a, b in zip(new, q, strict=True)), default=0.0)
+        # as good counts, too: at the bottom of the sum steps hardly change it
         if new_cost <= cost:
-            q, cost, (rows, errors), damping = new, new_cost, tried, damping * EASIER
+            q, cost = new, new_cost
+            rows, errors = tried
+            damping *= EASIER
         else:
             damping *= HARDER
         if moved < ENOUGH:
@@ -230,6 +235,7 @@ def rotation_vector(R: Mat3) -> Vec3:
     (a, b, c), (d, e, f), (g, h, i) = (tuple(map(float, row)) for row in R.rows)
     twice = Vec3(h - f, c - g, d - b)
     sine, cosine = 0.5 * float(twice.norm()), 0.5 * (a + e + i - 1.0)
+    # below that the axis is rounding; next to no turn the vector is the sine's
     if sine > 1e-9:
         return twice * (0.5 * math.atan2(sine, cosine) / sine)
     if cosine > 0.0:
@@ -341,6 +347,7 @@ def plan(
             f"rate = {choices.rate!r}: makes {count} samples of {duration:g} s, must be"
             f" at most {MOST_SAMPLES}"
         )
+    # effects of the curve's ends decay outside of the flight
     times = (np.arange(-BEYOND, count + BEYOND) * step).tolist()
     task = task_of(
         vehicle, tip.arm.carriers, choices, exact=choices.orientation is not None
@@ -353,6 +360,7 @@ def plan(
             _heading(-h) @ _turn(*(float(each.derivatives(t)[0]) for each in angles))
             for t, h in zip(times, headings, strict=True)
         ]
+    # a tip that is turned along keeps its angles to the body, from the posture on
     if turns and choices.orientation is None:
         home = turns[BEYOND].T @ frame_pose(vehicle, task.frame, choices.posture).R
         turns = [each @ home for each in turns]
@@ -363,14 +371,10 @@ def plan(
         if i not in carriers:
             signals.append(Constant(choices.posture[i]))
             continue
-        points = interpolating_points([row[i] for row in samples])[
-            BEYOND - 2 : len(times) - BEYOND + 2
-        ]
-        signals.append(
-            uniform_curve(
-                _held_within(points, low, high, choices.joint_speed * step), 0.0, step
-            )
-        )
+        points = interpolating_points([row[i] for row in samples])
+        points = points[BEYOND - 2 : len(times) - BEYOND + 2]
+        held = _held_within(points, low, high, choices.joint_speed * step)
+        signals.append(uniform_curve(held, 0.0, step))
     return tuple(signals)
 
 
@@ -401,19 +405,18 @@ def task_of(
     """Inverse kinematics problem of a vehicle's arm, with joint limits, speeds and
     preferred posture.
     """
+    # a weight of 0 would leave the normal equations without a solution
     length = max(float(reach(vehicle)), 1e-3)
     limits = [joint.ends for joint in vehicle.joints]
-    inner = [
-        (low + min(MARGIN, 0.1 * (high - low)), high - min(MARGIN, 0.1 * (high - low)))
-        for low, high in limits
-    ]
+    # of a joint with hardly any range a tenth at each end
+    margins = [min(MARGIN, 0.1 * (high - low)) for low, high in limits]
     return ArmTask(
         vehicle=vehicle,
         frame=vehicle.frame(),
         carriers=carriers,
         posture=choices.posture,
-        lower=tuple(low for low, _ in inner),
-        upper=tuple(high for _, high in inner),
+        lower=tuple(low + m for (low, _), m in zip(limits, margins, strict=True)),
+        upper=tuple(high - m for (_, high), m in zip(limits, margins, strict=True)),
         rates=(choices.joint_speed,) * vehicle.n,
         length=length,
         ease=length * (EXACT if exact else SMOOTH),
@@ -428,16 +431,15 @@ def _arm_goals(
     headings: Sequence[float],
 ) -> list[Vec3]:
     """Desired tip positions in base axes (m) at given times."""
-    start, home = (
-        tip.path(0.0)[0],
-        frame_pose(task.vehicle, task.frame, choices.posture).p,
-    )
+    start = tip.path(0.0)[0]
+    home = frame_pose(task.vehicle, task.frame, choices.posture).p
     goals = []
     for t, heading in zip(times, headings, strict=True):
         way = _heading(-heading).apply(tip.path(t)[0] - start) * (
             1.0 - choices.base_share
         )
         length = float(way.norm()) / choices.arm_range
+        # saturates smoothly at the arm's range; a clip would have a corner in the path
         goals.append(home + way * (1.0 / math.sqrt(1.0 + length * length)))
     return goals
 

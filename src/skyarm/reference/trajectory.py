@@ -129,41 +129,29 @@ class Reference:
 
     def __post_init__(self) -> None:
         # made in every period: what holds vectors and tuples already is not looked at
-        vectors = (
-            type(self.position)
-            is type(self.velocity)
-            is type(self.acceleration)
-            is Vec3
-        )
-        vectors = vectors and type(self.jerk) is type(self.snap) is Vec3
-        tuples = (
-            type(self.joints)
-            is type(self.joint_rates)
-            is type(self.joint_accelerations)
-            is tuple
-        )
-        tuples = (
-            tuples
-            and type(self.joint_jerks)
-            is type(self.joint_snaps)
-            is type(self.tip)
-            is tuple
-        )
-        tuples = (
-            tuples
-            and type(self.push)
-            is type(self.load)
-            is type(self.center)
-            is type(self.ahead)
-            is tuple
-        )
-        tuples = tuples and type(self.turning) is type(self.carry) is tuple
-        numbers = {
-            type(self.yaw),
-            type(self.yaw_rate),
-            type(self.yaw_acceleration),
-        } <= PLAIN_NUMBERS
-        if not (vectors and tuples and numbers):
+        vectors = {
+            type(self.position),
+            type(self.velocity),
+            type(self.acceleration),
+            type(self.jerk),
+            type(self.snap),
+        }
+        tuples = {
+            type(self.joints),
+            type(self.joint_rates),
+            type(self.joint_accelerations),
+            type(self.joint_jerks),
+            type(self.joint_snaps),
+            type(self.tip),
+            type(self.push),
+            type(self.load),
+            type(self.center),
+            type(self.turning),
+            type(self.ahead),
+            type(self.carry),
+        }
+        numbers = {type(self.yaw), type(self.yaw_rate), type(self.yaw_acceleration)}
+        if vectors != {Vec3} or tuples != {tuple} or not numbers <= PLAIN_NUMBERS:
             accept_fields(self, "reference")
 
     def map_scalars(self, function: Callable[[Scalar], Scalar]) -> Reference:
@@ -173,13 +161,10 @@ class Reference:
             mapped = tuple(
                 map(function, value if isinstance(value, Vec3 | tuple) else (value,))
             )
-            values[name] = (
-                Vec3(*mapped)
-                if isinstance(value, Vec3)
-                else mapped
-                if isinstance(value, tuple)
-                else mapped[0]
-            )
+            if isinstance(value, Vec3):
+                values[name] = Vec3(*mapped)
+            else:
+                values[name] = mapped if isinstance(value, tuple) else mapped[0]
         return Reference(**values)
 
     def dense(self) -> Reference:
@@ -406,6 +391,7 @@ def circle(
         yaw: rad.
         joints: signals or numbers.
     """
+    # a start of minus infinity would make every angle infinite
     origin = 0.0 if isinstance(start, float) and math.isinf(start) else start
     motion = [
         Windowed(
@@ -479,7 +465,7 @@ def phase_numbers(trajectory: Trajectory, path_time: Scalar) -> Array:
 
 def failure_words(trajectory: Trajectory, guard: Guard) -> str:
     """Error text for a task phase whose end condition was not met in time."""
-    words = {
+    texts = {
         "force": "no contact of {:g} N",
         "force_below": "force not below {:g} N",
         "closed": "switch '{}' not closed",
@@ -487,9 +473,9 @@ def failure_words(trajectory: Trajectory, guard: Guard) -> str:
         "distance": "not moved by {:g} m",
         "error": "error not below {:g} m",
     }
-    values = {name: getattr(guard, name) for name in words}
+    values = {name: getattr(guard, name) for name in texts}
     asked = [
-        words[name].format(value)
+        texts[name].format(value)
         for name, value in values.items()
         if value not in (None, "")
     ]

@@ -98,10 +98,12 @@ def allocate(points: Points, limits: FlightLimits, gravity: float) -> tuple[floa
     return _allocate(tuple(points), limits, gravity)
 
 
-@lru_cache(maxsize=64)  # a check, a run and a sweep of one file ask for the same times
+# a check, a run and a sweep of one file ask for the same times
+@lru_cache(maxsize=64)
 def _allocate(
     points: Points, limits: FlightLimits, gravity: float
 ) -> tuple[float, ...]:
+    # with equal accelerations the time of a way goes with the root of its length
     spans = [max(math.dist(a, b), SHORTEST) ** 0.5 for a, b in pairwise(points)]
     shares = _shares(points, [s / sum(spans) for s in spans])
     unit = tuple(accumulate(shares, initial=0.0))
@@ -116,6 +118,7 @@ def _allocate(
     while not meets(high) and high < SLOWEST:
         high *= 2.0
     low = 0.5 * high
+    # bisection needs a time that is too short
     while meets(low) and low > 1.0 / SLOWEST:
         low, high = 0.5 * low, low
     for _ in range(40):
@@ -131,22 +134,20 @@ def _shares(points: Points, shares: list[float]) -> list[float]:
     cost, slopes = _cost(points, shares)
     step = 0.3
     for _ in range(ROUNDS if len(shares) > 1 else 0):
+        # the shares add up to 1, so only differences of the slopes move them
         mean = sum(slope * share for slope, share in zip(slopes, shares, strict=True))
         ways = [slope - mean for slope in slopes]
         size = max(map(abs, ways)) or 1.0
         moved = [
+            # as logarithms, so that no share falls to 0
             share * math.exp(-step * way / size)
             for share, way in zip(shares, ways, strict=True)
         ]
         moved = [share / sum(moved) for share in moved]
         new_cost, new_slopes = _cost(points, moved)
         if new_cost < cost:
-            shares, cost, slopes, step = (
-                moved,
-                new_cost,
-                new_slopes,
-                min(1.5 * step, 0.5),
-            )
+            shares, cost, slopes = moved, new_cost, new_slopes
+            step = min(1.5 * step, 0.5)
         else:
             step *= 0.3
     return shares
@@ -158,6 +159,7 @@ def _cost(
     """Least snap for shares of the time, and its change with the logarithm of each
     share, by finite differences.
     """
+    # one column a share that is changed, and the last for none: one spline of lanes
     lanes = np.tile(np.array(shares)[:, None], len(shares) + 1)
     np.fill_diagonal(lanes, lanes.diagonal() * (1.0 + small))
     spans = span_powers([*accumulate(lanes, initial=np.zeros(len(shares) + 1))])
@@ -184,6 +186,7 @@ def peaks(derivatives: Sequence[Array], gravity: float) -> FlightLimits:
     """
     velocity, acceleration, jerk, snap = derivatives
     force = acceleration + np.array([[0.0], [0.0], [gravity]])
+    # in free fall there is no direction of thrust; its rates then count as enormous
     size = np.maximum(_length(force), 1e-9)
 
     def across(vectors: Array) -> float:
@@ -262,7 +265,8 @@ def waypoints_table(fields: Fields, setting: Setting) -> Trajectory:
         raise ValueError(
             f"{fields.at('points')} = {len(points)} points: must be 2 to {MOST_POINTS}"
         )
-    start, limits = number_within(fields, "start", 0.0), limits_of(fields, setting)
+    start = number_within(fields, "start", 0.0)
+    limits = limits_of(fields, setting)
     if not fields.states("times"):
         require_way(
             None, points, [f"{fields.at('points')}[{i}]" for i in range(len(points))]
@@ -334,6 +338,7 @@ def limits_of(fields: Fields, setting: Setting) -> FlightLimits:
             " none"
         )
     usual = FlightLimits()
+    # the rest is for errors, which no plan knows
     most = 0.9 * setting.thrust_to_weight
     thrust = fields.number("thrust", min(usual.thrust, most))
     if not 1.0 < thrust <= max(most, 1.0):
@@ -382,9 +387,9 @@ def require_way(
         names: names of their fields.
     """
     path = points if start is None else [start, *points]
-    for (a, b), name in zip(
-        pairwise(path), names[len(names) - len(path) + 1 :], strict=True
-    ):
+    # the first point of a path that begins with it has no way to it
+    ends = names[len(names) - len(path) + 1 :]
+    for (a, b), name in zip(pairwise(path), ends, strict=True):
         if math.dist(a, b) < SHORTEST:
             said = "where the task is already" if a is start else "the point before"
             raise ValueError(
@@ -419,6 +424,7 @@ def require_near(values: Sequence[float], times: Sequence[float], at: str) -> No
     looks = np.concatenate(
         [np.linspace(a, b, INSTANTS, endpoint=False) for a, b in pairwise(times)]
     )
+    # a spline without motion is one number at all times
     motion = np.broadcast_to(
         doubles(minimum_snap(times, values).derivatives(looks)[0]), looks.shape
     )
@@ -443,7 +449,8 @@ def _read_columns(fields: Fields, names: list[str]) -> list[list[float]]:
         raise ValueError(
             f"{fields.at('file')} = {shown(name)}: must be the path of a CSV file"
         )
-    path, at = Path(name), f"{fields.at('file')} = {shown(name)}"
+    path = Path(name)
+    at = f"{fields.at('file')} = {shown(name)}"
     require_file(path, at)
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:

@@ -124,10 +124,8 @@ def controller_from(
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
-    safety, servos = (
-        fields.take("safety", False),
-        fields.flag("servos", bool(model.vehicle.drives)),
-    )
+    safety = fields.take("safety", False)
+    servos = fields.flag("servos", bool(model.vehicle.drives))
     plain = plain_model(model)
     with errors_as(
         ValueError, f"model.vehicle = {model.vehicle.name!r}: ", AllocationError
@@ -202,19 +200,15 @@ def controller_by_name(scenario: Scenario, name: str) -> Controller:
         ControllerError: unknown name, or a controller that does not fit the model.
         AllocationError: the model's rotors do not span torque and thrust.
     """
-    before = scenario.agent.controller.par
     own = scenario.agent
+    before = own.controller.par
     facts = loop_facts(scenario.rates, own.delays, own.estimator)
     made = make_named_or_tuned(name, plain_model(before.model), facts)
     if not isinstance(before, ActuatorParameters):
         return _with_safety_of(before, made, scenario)
-    inner, servos = before.own, bool(scenario.agent.controller.memory.drives)
-    return on_actuators(
-        _with_safety_of(inner, made, scenario),
-        before.model,
-        scenario.rates.period,
-        servos,
-    )
+    servos = bool(own.controller.memory.drives)
+    safe = _with_safety_of(before.own, made, scenario)
+    return on_actuators(safe, before.model, scenario.rates.period, servos)
 
 
 def on_actuators(
@@ -242,6 +236,7 @@ def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Contro
     from skyarm.control.safety import with_safety_layer
     from skyarm.control.safety.limits import usual_joint_errors
 
+    # limits that were measured on the law before are measured on the new one
     measured = [name for _, name in before.measured_limits]
     limits = {
         field: value
@@ -317,13 +312,8 @@ def by_words(
         ValueError: one line with field, value and what is allowed.
     """
     if "autopilot" in fields.table:
-        return _of_options(
-            "autopilot",
-            _require_name(fields, "autopilot", AUTOPILOTS),
-            fields,
-            model,
-            timing,
-        )
+        name = _require_name(fields, "autopilot", AUTOPILOTS)
+        return _of_options("autopilot", name, fields, model, timing)
     if fields.table.get("preset") in (*PRESETS,) and "law" in fields.table:
         beside = (
             f"{fields.at('preset')} = {fields.table['preset']!r}: must be left out"
@@ -342,9 +332,8 @@ def by_words(
             " takes FILE.py:make"
         )
     hint = f"; it is a preset: preset = {law!r}" if law in (*PRESETS,) else ""
-    return _of_options(
-        "law", _require_name(fields, "law", LAWS, hint), fields, model, timing
-    )
+    name = _require_name(fields, "law", LAWS, hint)
+    return _of_options("law", name, fields, model, timing)
 
 
 def _require_name(
@@ -369,7 +358,7 @@ def _of_options(
     [controller] table states.
     """
     best = fields.flag("tuned", False)
-    words = law_words(law)
+    keys = law_words(law)
     if word == "autopilot" and "program" in fields.table:
         variable = autopilot_of(make_controller(law, model)).variable
         raise ValueError(
@@ -378,9 +367,10 @@ def _of_options(
             f" {variable} does"
         )
     for other, value in fields.table.items():
-        if other not in (*words, word) and (other, value) != ("tuned", False):
+        # "tuned = false" is what is so anyway, of any law
+        if other not in (*keys, word) and (other, value) != ("tuned", False):
             raise ValueError(
-                f"{fields.at(other)} = {shown(value)}: {no_option(law, words, other)}"
+                f"{fields.at(other)} = {shown(value)}: {no_option(law, keys, other)}"
             )
     options = suitable_options(law, timing)
     maker = entry_of(law).function()
@@ -559,10 +549,11 @@ def controller_of_file(
 
 def _controller(top: Fields, model: Model, timing: Mapping[str, float]) -> Controller:
     top.require_schema()
-    words, gains = Fields(top.take("law"), "law"), top.take("gains", {})
+    stated = Fields(top.take("law"), "law")
+    gains = top.take("gains", {})
     top.take("about", None)
     top.done()
-    tuned, law = words.table.get("tuned"), words.table.get("law")
+    tuned, law = stated.table.get("tuned"), stated.table.get("law")
     if isinstance(tuned, str):
         raise ValueError(
             f"law.tuned = {shown(tuned)}: must be left out: one file does not name"
@@ -573,7 +564,7 @@ def _controller(top: Fields, model: Model, timing: Mapping[str, float]) -> Contr
             f"law.law = {shown(law)}: must be loaded:"
             f" {LOADED_BY.format(law.rpartition(':')[0])}"
         )
-    return with_gains(by_words(words, model, timing, loaded=True), gains, "gains")
+    return with_gains(by_words(stated, model, timing, loaded=True), gains, "gains")
 
 
 def with_gains(controller: Controller, gains: object, where: str) -> Controller:
@@ -607,6 +598,7 @@ def _numbers(
         there = {
             each: content
             for each, content in parts(record).items()
+            # the model is the scenario's, and the mixer follows from it
             if each not in ("model", "mixer")
         }
         if name not in there:

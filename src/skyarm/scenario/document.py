@@ -92,8 +92,9 @@ def read_part(
                 word.kind, get_args(slot.type)[0], entry, path, word.usual
             )
         return registered_value(word.kind, slot.type, entry, path, word.usual)
+    # the record says what it must be
     if slot.type in (str, int):
-        return entry  # the record says what it must be
+        return entry
     within, _, name = path.rpartition(".")
     return default_if_equal(
         value_from(slot.type, slot.unit, Fields({name: entry}, within), name),
@@ -141,15 +142,16 @@ class Document:
     ) -> None:
         self.folder, self.replaced, self.law = folder, replaced, law
         self._tables = {"": Fields(dict(tables), "")}
-        self._words = dict[str, Any]()
-        self._vehicles = dict[str, Vehicle]()
+        self._words: dict[str, Any] = {}
+        self._vehicles: dict[str, Vehicle] = {}
         named = self.table("").take(AGENTS, None)
         if named is not None and (not isinstance(named, dict) or not named):
             raise ValueError(
                 f"{AGENTS} = {shown(named)}: must be tables of agents, as"
                 f" [{AGENTS}.left]"
             )
-        self._prefix, self._own = "", frozenset[str]()
+        self._prefix = ""
+        self._own: frozenset[str] = frozenset()
         self._members = {name: self._member(name) for name in named or ()} or {
             SOLE: self
         }
@@ -166,7 +168,9 @@ class Document:
         member = copy.copy(self)
         member._prefix = f"{AGENTS}.{name}"
         member._own = frozenset(self.table(member._prefix).table)
-        member._words, member._members = {}, {name: member}
+        # words of its own, while tables and vehicles are read once for all
+        member._words = {}
+        member._members = {name: member}
         member._whole = self
         return member
 
@@ -194,7 +198,8 @@ class Document:
         has none.
         """
         within, _, name = path.rpartition(".")
-        first, fields = path.split(".", maxsplit=1)[0], self.table("")
+        first = path.split(".", maxsplit=1)[0]
+        fields = self.table("")
         fields.take(first, {})
         entry: Entry = (fields.inner(within) if within else fields).table.get(name, {})
         return entry
@@ -212,6 +217,7 @@ class Document:
         try:
             yield
         except ValueError as error:
+            # a fault of what all share is not in the agent's table
             words = str(error)
             if re.split(r"\W", words, maxsplit=1)[0] not in self._own:
                 raise
@@ -259,7 +265,8 @@ class Document:
         if slot.table.rpartition(".")[0] in PATHS and not isinstance(
             self.table(above).table.get(last, {}), dict
         ):
-            return LEFT_OUT  # the reader of the word above says what must be there
+            # the reader of the word above says what must be there
+            return LEFT_OUT
         required = slot.default is dataclasses.MISSING and slot.path not in OPTIONAL
         entry = self.table(within).take(
             name, *(() if required else (OPTIONAL.get(slot.path, LEFT_OUT),))
@@ -288,6 +295,7 @@ class Document:
         """
         named = self.table(self.at(path)).take("vehicle")
         if not isinstance(named, str) or named not in self._vehicles:
+            # one file for plant and model, and for all agents that name it
             self._vehicles[str(named)] = readers.vehicle(
                 named, f"{self.at(path)}.vehicle", self.folder
             )
@@ -309,8 +317,11 @@ class Document:
         """Events of the task of each agent's reference, with the agent's name; "" if it
         is the only one.
         """
-        several, events = len(self.members) > 1, list[tuple[str, Sequence[TaskEvent]]]()
+        # grippers of the only vehicle need not say whose they are
+        several = len(self.members) > 1
+        events: list[tuple[str, Sequence[TaskEvent]]] = []
         for name, member in self.members.items():
+            # the phases of a reference are the events, so that it is read first
             member.word("reference")
             events.append((name if several else "", member.setting.events))
         return events

@@ -79,6 +79,8 @@ class Divergence(Ending):
         """
         # any comparison with NaN is false, so that a state that is not finite is not
         # fine
+        # its own length is 1: twice that is no rounding, but an integrator that
+        # diverges
         fine: Scalar = absolute(state.quaternion.w) < LONG
         for value in list(state.quaternion)[1:]:
             fine = logical_and(fine, absolute(value) < LONG)
@@ -98,17 +100,18 @@ class Divergence(Ending):
         """Message naming the first number that is not finite, else the first that is
         too large.
         """
-        words, x = state_words(scenario.agent.vehicle), leaves(state)
-        for name, value in zip(words, x, strict=True):
+        names, x = state_words(scenario.agent.vehicle), leaves(state)
+        for name, value in zip(names, x, strict=True):
             if not math.isfinite(value):
                 return f"{name} is not finite"
+        # a position has no limit of its own, only one about the reference
         limits = [math.inf] * 3 + [LONG] * 4 + [FAR] * (len(x) - 7)
-        for name, value, limit in zip(words, x, limits, strict=True):
+        for name, value, limit in zip(names, x, limits, strict=True):
             if not -limit < value < limit:
                 return f"{name} passed {limit:g}"
         away = (
             name
-            for name, value, target in zip(words, x, goal, strict=False)
+            for name, value, target in zip(names, x, goal, strict=False)
             if not -LOST < value - target < LOST
         )
         return f"{next(away)} is over {LOST:g} m from the reference"
@@ -246,7 +249,8 @@ class RotorContact(DistanceEnding):
         """Clearance of each rotor disc from each fixed surface, with the names of
         both.
         """
-        R, clearances = state.rotation, list[Distance]()
+        R = state.rotation
+        clearances: list[Distance] = []
         for contact in scenario.worlds:
             for rotor in turn_rotors(scenario.agent.vehicle, state.tilts).rotors:
                 at, axis = state.position + R.apply(rotor.position), R.apply(rotor.axis)
@@ -267,7 +271,8 @@ class BodyContact(DistanceEnding):
         """Distance of the base's origin and of each joint from each fixed surface, with
         the names of both.
         """
-        vehicle, distances = scenario.agent.vehicle, list[Distance]()
+        vehicle = scenario.agent.vehicle
+        distances: list[Distance] = []
         for contact in scenario.worlds:
             R, poses = state.rotation, link_poses(vehicle, state.joints)
             points = [("the base", state.position)]
@@ -302,8 +307,10 @@ class Clearance(DistanceEnding):
 
     def distances(self, scenario: Scenario, state: State) -> list[Distance]:
         """Distance and names of each pair of bodies."""
-        pairs, rotation = clearances_of(scenario, moving=False), state.rotation
-        distances = pairs.distances(state.position, rotation, state.joints, state.tilts)
+        pairs = clearances_of(scenario, moving=False)
+        distances = pairs.distances(
+            state.position, state.rotation, state.joints, state.tilts
+        )
         return list(zip(distances, pairs.names, strict=True))
 
 
@@ -336,20 +343,18 @@ def clearances_of(
 
     Bodies with contact points may touch surfaces, unless ``touching`` is False.
     """
+    # most flights have no such ending, so its module is loaded by those that do
     from skyarm.world.scene.clearance import clearances
 
     vehicle, (name,) = scenario.agent.vehicle, scenario.agents
     contacts = [each.of_agent(name) for each in scenario.worlds]
-    surfaces = (
-        surface
-        for each in contacts
-        for surface in (each.surfaces if moving else each.still)
-    )
-    return clearances(
-        vehicle,
-        surfaces,
-        {body for each in contacts * touching for body in each.touching(vehicle)},
-    )
+    surfaces = [
+        s for each in contacts for s in (each.surfaces if moving else each.still)
+    ]
+    exempt: set[int] = set()
+    for each in contacts if touching else ():
+        exempt |= {*each.touching(vehicle)}
+    return clearances(vehicle, surfaces, exempt)
 
 
 def lowest_point(vehicle: Vehicle, state: State) -> Scalar:
@@ -397,9 +402,9 @@ def command_words(vehicle: Vehicle) -> list[str]:
     """Names of all numbers of a command, in order, for messages: rotor speeds, joint
     efforts, rotor angles.
     """
-    words = [f"commanded speed of rotor '{rotor.name}'" for rotor in vehicle.rotors]
-    words += [f"commanded effort of joint '{joint.name}'" for joint in vehicle.joints]
-    return words + [
+    named = [f"commanded speed of rotor '{rotor.name}'" for rotor in vehicle.rotors]
+    named += [f"commanded effort of joint '{joint.name}'" for joint in vehicle.joints]
+    return named + [
         f"commanded angle of rotor '{rotor.name}'"
         for rotor in vehicle.rotors
         if rotor.tilt is not None
@@ -421,6 +426,7 @@ def apart(value: float, limit: float) -> tuple[str, str]:
     """Format two different numbers with just enough digits (at least four) that their
     texts differ.
     """
+    # 17 digits tell any two floats apart
     for digits in range(4, 18):
         texts = f"{value:.{digits}g}", f"{limit:.{digits}g}"
         if texts[0] != texts[1]:

@@ -194,6 +194,7 @@ def default_in_words(value: object) -> str:
 
 def _exact(value: float) -> str:
     """Number with the digits that a file needs for the same one."""
+    # ten digits where they are the same number, else all that it has
     text = f"{value:.10g}"
     return text if float(text) == value else repr(float(value))
 
@@ -232,10 +233,10 @@ def _of_signals() -> Iterator[GrammarRow]:
 
 
 def _by_hand(
-    words: tuple[word_texts.HandWord, ...], named: str, at: str
+    keys: tuple[word_texts.HandWord, ...], named: str, at: str
 ) -> Iterator[GrammarRow]:
     """Keys of a shipped kind that a function reads from its table."""
-    for each in words:
+    for each in keys:
         if each.kind == named:
             entry = SIGNAL if each.entry == "signal" else each.entry
             when = (
@@ -260,7 +261,8 @@ def _by_hand(
 def _rows(slot: Slot) -> Iterator[GrammarRow]:
     at = f"{slot.path}[]" if _is_list(slot) else slot.path
     varies = WHEN[slot.word.varies]
-    unit, entry = slot.unit, _slot_entry(slot)
+    unit = slot.unit
+    entry = _slot_entry(slot)
     when = varies
     if slot.word.varies == "always" and "table" in entry:
         when = f"its numbers {varies}"
@@ -310,13 +312,9 @@ def _slot_entry(slot: Slot) -> str:
         return _one_of(CLOSURES)
     if slot.path == "reference.governor":
         return "true, false or a table"
-    return (
-        "list of tables"
-        if _is_list(slot)
-        else "table"
-        if slot.path != slot.table
-        else entry_in_words(slot.type)
-    )
+    if _is_list(slot):
+        return "list of tables"
+    return "table" if slot.path != slot.table else entry_in_words(slot.type)
 
 
 def _of_record(
@@ -336,35 +334,25 @@ def _of_record(
         named: kind of the registry.
         called: fields that the record around it calls otherwise.
     """
-    words = {**words_of_fields(kind), **(called or {})}
+    called = called or {}
+    keys = {**words_of_fields(kind), **called}
     lifted, declared, usual = lifted_fields(kind), declared_fields(kind), defaults(kind)
     bases = [each.__name__ for each in kind.__mro__]
     inside: set[tuple[str, type]] = set()
     for name, (annotation, unit) in declared.items():
         if any((base, name) in NO_WORDS for base in bases):
             continue
-        word = words.get(name, name)
-        lists = (
-            "[]"
-            if typing.get_origin(annotation) is tuple
-            and _records_in(annotation)
-            and word == name
-            else ""
-        )
+        word = keys.get(name, name)
+        is_list = typing.get_origin(annotation) is tuple and _records_in(annotation)
+        lists = "[]" if is_list and word == name else ""
         # else it is another spelling of that field's word
-        if words.get(name) not in declared:
-            when = (
-                f"where {lifted[name]} is stated"
-                if name in lifted
-                else "never"
-                if unit.fixed
-                else varies
-            )
-            when = (
-                when
-                if annotation not in SHAPING and "'" not in entry_in_words(annotation)
-                else "never"
-            )
+        if keys.get(name) not in declared:
+            when = "never" if unit.fixed else varies
+            if name in lifted:
+                when = f"where {lifted[name]} is stated"
+            # a quotation mark is of a choice of texts, which shapes the program, too
+            if annotation in SHAPING or "'" in entry_in_words(annotation):
+                when = "never"
             more = (CHOICES[base, name] for base in bases if (base, name) in CHOICES)
             entry = next(map(_one_of, more), entry_in_words(annotation))
             entry = next(
@@ -374,15 +362,15 @@ def _of_record(
             text = word_texts.of_field(tuple(bases), name)
             held = next((each.__name__ for each in _records_in(annotation)), "")
             meaning = text.meaning or unit.meaning or word_texts.TYPES.get(held, "")
-            default, effect = (
-                text.default or default_in_words(usual[name]),
-                text.effect or unit.effect,
-            )
-            in_unit, blows = unit.unit, (called or {}).get("peak", "")
+            default = text.default or default_in_words(usual[name])
+            effect = text.effect or unit.effect
+            in_unit = unit.unit
+            blows = called.get("peak", "")
             if blows and name == "peak":
                 in_unit, meaning = PEAKS[blows]
             elif blows == "force" and name == "shape":
-                entry = _one_of(SHAPES[:1])  # all that a file may state
+                # all that a file may state
+                entry = _one_of(SHAPES[:1])
             yield GrammarRow(
                 f"{at}.{word}{lists}",
                 named,
@@ -396,6 +384,7 @@ def _of_record(
                 default,
             )
         for each in _records_in(annotation):
+            # a record that has one of its own kind would never end
             if (word, each) not in inside and each is not kind:
                 inside.add((word, each))
                 peak = (
@@ -530,10 +519,8 @@ def _of_controller() -> Iterator[GrammarRow]:
         meaning="joint positions of the stowed arm",
     )
     for law in (*LAWS, *AUTOPILOTS):
-        kinds, texts = (
-            declared_units(Options) | declared_units(entry_of(law).function()),
-            option_texts(law),
-        )
+        kinds = declared_units(Options) | declared_units(entry_of(law).function())
+        texts = option_texts(law)
         for word, option in option_words(law).items():
             text, annotation = texts[option], kinds.get(option, (None, NUMBER))[0]
             entry = text.entry or (
@@ -542,7 +529,8 @@ def _of_controller() -> Iterator[GrammarRow]:
                 else entry_in_words(annotation)
             )
             bounds = text.allowed.replace("`", "") or _bounds(text.unit)
-            unit, effect = text.unit, text.effect or text.unit.effect
+            unit = text.unit
+            effect = text.effect or unit.effect
             default = text.usual or default_in_words(text.default)
             yield GrammarRow(
                 f"controller.{word}",

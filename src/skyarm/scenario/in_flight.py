@@ -59,7 +59,7 @@ def whole_parts() -> dict[str, Slot]:
     """Paths of sections that a scheduled change may replace as a whole, each with the
     declaration of its file key.
     """
-    by_path = dict[str, Slot]()
+    by_path: dict[str, Slot] = {}
     for slot in slots(Scenario):
         if slot.word.whole:
             by_path |= {slot.path: slot} | {
@@ -80,6 +80,7 @@ def with_part(scenario: Scenario, path: str, value: object) -> Scenario:
     Raises:
         ValueError: one line with the path, the value and what is allowed.
     """
+    # of several vehicles each is changed as the only one of its own flight, below
     if scenario.is_team:
         changed = by_agent(
             scenario,
@@ -167,7 +168,8 @@ class Overrides:
             paths: paths whose numbers are read too where nothing holds in their place,
                 as far as there are any.
         """
-        parts, numbers = self.parts_of(scenario), dict(self.numbers)
+        parts = self.parts_of(scenario)
+        numbers = dict(self.numbers)
         for path in paths:
             if not self.holds(parts, path):
                 with suppress(ScenarioError):
@@ -192,15 +194,15 @@ class Overrides:
         if not gains:
             return {}
         changed = Overrides(self.parts, tuple(numbers.items())).of(scenario)
-        return {
-            path: number_at(changed, path)
-            for name, agent in changed.agents.items()
-            if any(
-                prefix_of(changed, name) in (path.removesuffix(word_of(path)), "")
-                for path in gains
-            )
-            for path in measured_paths(changed, name)
-        }
+        # of gains of the only vehicle no path has a prefix
+        owners = {path.removesuffix(word_of(path)) for path in gains}
+        limits: dict[str, float] = {}
+        for name in changed.agents:
+            prefix = prefix_of(changed, name)
+            if not prefix or prefix in owners:
+                for path in measured_paths(changed, name):
+                    limits[path] = number_at(changed, path)
+        return limits
 
     def holds(self, scenario: Scenario, path: str) -> bool:
         """True if the parameter at a path is overridden, also under another name, as
@@ -265,6 +267,7 @@ def _replaces(part: str, path: str) -> bool:
     """True if replacing a section of a scenario also replaces the parameter at a given
     path.
     """
+    # a law comes with its whole table, gains and layers
     law = word_of(part) == LAW and is_below(path, part.removesuffix(".law"))
     return is_below(path, part) or law
 
@@ -288,12 +291,14 @@ def stretches(scenario: Scenario) -> tuple[Stretch, ...]:
 
     Changes after the end of the flight are ignored.
     """
-    rate, intervals = scenario.rates.control, [Stretch(0, Overrides())]
+    rate = scenario.rates.control
+    intervals = [Stretch(0, Overrides())]
     for change in in_order(scheduled_changes(scenario), rate):
         tick = change.tick(rate)
         if tick >= scenario.steps:
             break
         following = Stretch(tick, intervals[-1].overrides.with_change(change))
+        # changes of one period are one interval, but the beginning stays as it was
         if tick == intervals[-1].start and len(intervals) > 1:
             intervals[-1] = following
         else:
@@ -321,7 +326,8 @@ def sources(scenario: Scenario, tick: int) -> dict[str, int]:
     """For each parameter changed up to a control period: index of the scheduled change
     that set it.
     """
-    rate, numbers = scenario.rates.control, dict(overrides_at(scenario, tick).numbers)
+    rate = scenario.rates.control
+    numbers = dict(overrides_at(scenario, tick).numbers)
     made = sorted(
         (change.tick(rate), i, change.path)
         for i, change in enumerate(scheduled_changes(scenario))
@@ -337,7 +343,8 @@ def what_may() -> str:
         for slot in slots(Scenario)
         if slot.word.varies == "always" and slot.path in variable_words()
     ]
-    delays, parts = ", ".join(delay_words()), ", ".join(whole_parts())
+    delays = ", ".join(delay_words())
+    parts = ", ".join(whole_parts())
     return (
         f"what may is {delays}, a number of {', '.join(numbers)}, or as a whole {parts}"
     )
@@ -545,21 +552,17 @@ def require_continuous(old: Scenario, new: Scenario) -> None:
     for name, began in _held_by_all(old).items():
         value = after.get(name, began)
         if value != began:
-            late = (
-                "readings"
-                if name.startswith("sensors.")
-                else "setpoints"
-                if ".drives." in name
-                else ""
-            )
-            what, why = (
-                ("", f", since {late} are on their way")
-                if late
-                else (f"{shown(began)} ", "")
-            )
-            raise ScenarioError(
-                f"{name} = {shown(value)}: must be {what}as the session began{why}"
-            )
+            late = ""
+            if name.startswith("sensors."):
+                late = "readings"
+            elif ".drives." in name:
+                late = "setpoints"
+            must = f"{name} = {shown(value)}: must be"
+            if late:
+                raise ScenarioError(
+                    f"{must} as the session began, since {late} are on their way"
+                )
+            raise ScenarioError(f"{must} {shown(began)} as the session began")
 
 
 def _held_by_all(scenario: Scenario) -> dict[str, object]:
@@ -575,19 +578,20 @@ def _held_throughout(scenario: Scenario) -> dict[str, object]:
     """Settings that must stay the same throughout a flight, by name, such as clocks,
     delays and sensor latencies.
     """
-    vehicle, delays, model = (
-        scenario.agent.vehicle,
-        scenario.agent.delays,
-        scenario.agent.model,
-    )
+    vehicle, model = scenario.agent.vehicle, scenario.agent.model
+    delays = scenario.agent.delays
     # those of the commands vary within a queue of that length
     if delays.longest_command is not None:
         delays = dataclasses.replace(delays, command=0.0, rotors=0, joints=0)
-    settings = {
-        **{"rates": scenario.rates, "duration": scenario.duration},
-        **{"plant.kind": scenario.kind, "plant.integrator": scenario.integrator},
-        **{"plant.closure": scenario.closure},
-        **{"delays": delays, "joints": vehicle.n, "rotors": len(vehicle.rotors)},
+    settings: dict[str, object] = {
+        "rates": scenario.rates,
+        "duration": scenario.duration,
+        "plant.kind": scenario.kind,
+        "plant.integrator": scenario.integrator,
+        "plant.closure": scenario.closure,
+        "delays": delays,
+        "joints": vehicle.n,
+        "rotors": len(vehicle.rotors),
     }
     for named in scenario.agent.sensors:
         settings |= {

@@ -65,6 +65,7 @@ def require_apart(scenario: Scenario, paths: Sequence[str]) -> None:
     Raises:
         ScenarioError: names both.
     """
+    # paths of one vehicle can only meet one another, as can those of all
     if scenario.is_team:
         for name in ("", *scenario.agents):
             own = [
@@ -197,26 +198,29 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Scalar]) -> Scenario:
         ValueError: a number that the scenario cannot have.
     """
     _require_numbers(values)
+    # of several vehicles each is changed as the only one of its own flight, below
     if scenario.is_team:
         changed = by_agent(scenario, values, with_numbers)
         check_scenario(changed, numbers=True)
         return changed
     values = {alone(scenario, path)[1]: value for path, value in values.items()}
     started = _with_initial_state(scenario, values)
-    fields, start = dict[Place, Scalar](), dict[Place, Scalar]()
+    fields: dict[Place, Scalar] = {}
+    start: dict[Place, Scalar] = {}
     views: dict[Place, dict[str, Scalar]] = {}
     for path, value in values.items():
         target = target_of(started, path)
         _number(started, path, target)
         if target.view is None:
-            (start if target.places[0][:2] == INITIAL else fields).update(
-                dict.fromkeys(target.places, value)
-            )
+            # a start is completed by hover trim of what the other numbers make
+            group = start if target.places[0][:2] == INITIAL else fields
+            group.update(dict.fromkeys(target.places, value))
         else:
             views.setdefault(target.places[0], {})[target.view.name] = accept_scalar(
                 path, value, target.view.unit
             )
-    replaced, angles = [*fields, *start, *views], views.pop(INITIAL, {})
+    replaced = [*fields, *start, *views]
+    angles = views.pop(INITIAL, {})
     changed = _replace_numbers(scenario, fields, views)
     law = [
         place[len(CONTROLLER) :]
@@ -301,11 +305,8 @@ def _start_with(
     joints = {
         int(place[1]): value for place, value in inside.items() if place[0] == "joints"
     }
-    initial, vehicle, left_out = (
-        changed.agent.initial,
-        changed.agent.vehicle,
-        tuple[str, ...](),
-    )
+    initial, vehicle = changed.agent.initial, changed.agent.vehicle
+    left_out: tuple[str, ...] = ()
     if initial is None or isinstance(initial, PartialState):
         left_out = (
             tuple(field_names(State) or ()) if initial is None else initial.left_out
@@ -395,15 +396,16 @@ def words_of(path: str) -> str:
     """Parameter path in readable words: ``plant.vehicle.links.0.joint.damping`` is
     "link 1 joint damping (plant)".
     """
-    words = [word for word in path.split(".") if word not in LEFT_OUT]
-    whose = WHOSE.get(words[0], "") if len(words) > 1 else ""
+    names = [name for name in path.split(".") if name not in LEFT_OUT]
+    whose = WHOSE.get(names[0], "") if len(names) > 1 else ""
     if whose:
-        words = words[1:]
-    if words[0] == "sensors" and len(words) == 2:
-        return f"noise of {words[1].replace('_', ' ')}"
+        names = names[1:]
+    if names[0] == "sensors" and len(names) == 2:
+        return f"noise of {names[1].replace('_', ' ')}"
     terms: list[str] = []
-    for word in words:
+    for word in names:
         if word.isdecimal() and terms:
+            # of many items the name of one, as link of links, but mass stays mass
             one = terms[-1] if terms[-1].endswith("ss") else terms[-1].removesuffix("s")
             terms[-1] = f"{one} {int(word) + 1}"
         else:
@@ -411,6 +413,6 @@ def words_of(path: str) -> str:
     return " ".join(terms) + (f" ({whose})" if whose else "")
 
 
-def axis_label(words: str, unit: str) -> str:
+def axis_label(text: str, unit: str) -> str:
     """Axis label: a text with its unit in brackets."""
-    return f"{words} [{unit}]" if unit else words
+    return f"{text} [{unit}]" if unit else text

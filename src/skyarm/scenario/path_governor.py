@@ -176,10 +176,8 @@ def plan_of(scenario: Scenario, options: GovernorOptions) -> PathPlan:
     """Plan the time law along a scenario's reference with the nominal model of its
     control law.
     """
-    trajectory, limits = (
-        scenario.agent.reference,
-        PathLimits(scenario.agent.model, options),
-    )
+    trajectory = scenario.agent.reference
+    limits = PathLimits(scenario.agent.model, options)
     ceilings = Ceilings(
         duration=float(scenario.duration), stops=_corners(trajectory, scenario)
     )
@@ -197,6 +195,7 @@ def _corners(trajectory: Trajectory, scenario: Scenario) -> list[float]:
     """
     corners = []
     first = trajectory.at(0.0)
+    # hover trim is at rest, whatever the reference begins with
     rest = replace(first, velocity=ZERO3, joint_rates=(0.0,) * len(first.joint_rates))
     if scenario.agent.initial is None and _is_corner(rest, first):
         corners.append(0.0)
@@ -277,6 +276,7 @@ class GovernorOptions:
 
     def __post_init__(self) -> None:
         accept_fields(self, "reference.governor")
+        # at pi/2 the thrust carries nothing
         if self.tilt > 1.5:
             raise ValueError(
                 f"reference.governor.tilt = {self.tilt!r}: must be at most 1.5"
@@ -292,19 +292,19 @@ class PathLimits:
     """
 
     def __init__(self, model: Model, options: GovernorOptions) -> None:
-        self._vehicle, self._gravity, self._options = (
-            model.vehicle,
-            float(model.gravity),
-            options,
-        )
+        self._vehicle, self._options = model.vehicle, options
+        self._gravity = float(model.gravity)
         mixer = make_mixer(model.vehicle)
         self._highest = np.array(mixer.highest, dtype=float)[:, None]
         # squared speeds that lift the weight without any torque
         weight = np.array([0.0, 0.0, 0.0, float(model.vehicle.mass) * self._gravity])
         lifting = np.array(mixer.inverse, dtype=float) @ weight
+        # a rotor that lifts nothing in hover must not divide by 0
         self._hover = np.maximum(lifting[:, None], 1e-9 * self._highest)
         efforts = [
-            float(joint.effort_limit) or math.inf for joint in model.vehicle.joints
+            # a passive joint asks no torque of anybody, so that it has no limit
+            float(joint.effort_limit) or math.inf
+            for joint in model.vehicle.joints
         ]
         self._efforts = np.array(efforts)[:, None]
         named = {each.name: each.drive for each in model.vehicle.drives}

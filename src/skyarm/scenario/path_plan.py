@@ -73,7 +73,8 @@ class Ceilings:
 
     def __post_init__(self) -> None:
         count = math.ceil(self.duration / GRID) + 2
-        self.rate, self.acceleration = np.ones(count), np.full(count, ACCELERATION)
+        self.rate = np.ones(count)
+        self.acceleration = np.full(count, ACCELERATION)
 
     def lower(
         self, values: Array, at: Array, to: Array, least: float, rate: float = 1.0
@@ -103,9 +104,11 @@ class Ceilings:
         for stop in self.stops:
             index = min(round(stop / GRID), len(square) - 1)
             square[index] = 0.0
+        # v dv = a ds: squares change by 2 a ds along a step of the path
         gain = 2.0 * GRID * self.acceleration
         squares = square.tolist()
         rise = gain.tolist()
+        # backwards no bound is approached too fast, forwards none is left too fast
         for i in range(len(squares) - 2, -1, -1):
             squares[i] = min(squares[i], squares[i + 1] + rise[i])
         for i in range(1, len(squares)):
@@ -117,7 +120,8 @@ def follow(ceilings: Ceilings, duration: float) -> PathTime:
     """Time law of the fastest motion along the path within speed bounds, with a short
     rest at each stop.
     """
-    square, parts = ceilings.squares(), 10
+    square = ceilings.squares()
+    parts = 10
     small = STEP / parts
     stops = [stop for stop in sorted(ceilings.stops) if stop < duration]
     first = 0.0 if stops and stops[0] <= 0.0 else _first_rate(square)
@@ -136,7 +140,10 @@ def follow(ceilings: Ceilings, duration: float) -> PathTime:
             w = square[index] + share * (square[index + 1] - square[index])
             if stops:
                 w = min(w, 2.0 * ceilings.acceleration[index] * (stops[0] - s))
+            # from rest a square of 0 would never leave it: one step of acceleration
+            # does
             rate = max(math.sqrt(max(w, 0.0)), ceilings.acceleration[index] * small)
+            # a reference that is slowed never runs ahead of the commanded one
             s = min(s + rate * small, t)
             if stops and s >= stops[0] - rate * small:
                 s, rest = stops.pop(0), 6 * parts
@@ -225,7 +232,8 @@ def even_rates(judge: Judge, ceilings: Ceilings) -> None:
     """
     path = np.arange(-BEYOND, ceilings.duration + BEYOND + 0.5 * GRID, GRID)
     inside = (path > -0.5 * GRID) & (path < ceilings.duration + 0.5 * GRID)
-    open_, still = np.ones(len(path), dtype=bool), np.zeros_like(path)
+    open_ = np.ones(len(path), dtype=bool)
+    still = np.zeros_like(path)
     for rate in RATES:
         if rate <= SLOWEST or not open_.any():
             break
@@ -251,6 +259,7 @@ def plan(judge: Judge, ceilings: Ceilings) -> PathPlan:
     time = np.arange(0.0, duration + BEYOND + 0.5 * LOOK, LOOK)
     inside = time < duration + 0.5 * LOOK
     even_rates(judge, ceilings)
+    # a lower ceiling may make a motion worse, so the best round is kept
     best = PathPlan(path_time=None, beyond=math.inf, limit=0, at=0.0)
     for _ in range(ROUNDS):
         path_time = follow(ceilings, duration)
@@ -281,11 +290,14 @@ def _calm(ceilings: Ceilings, s: Derivatives, over: Array) -> None:
     place, rate = s[0][more], np.maximum(s[1][more], SLOWEST)
     index = np.clip(np.round(place / GRID).astype(int), 0, len(ceilings.rate) - 1)
     calmest = ceilings.acceleration[index] <= LEAST_ACCELERATION
-    calmer, around = CALMER * ceilings.acceleration[index], float(np.median(rate))
+    calmer = CALMER * ceilings.acceleration[index]
+    around = float(np.median(rate))
     ceilings.lower(ceilings.acceleration, place, calmer, LEAST_ACCELERATION, around)
     # what is on its way to a ceiling is not helped by a lower one
     there = (rate > THERE * ceilings.rate[index]) | calmest
     if there.any():
+        # accelerations go with the square of the rate, jerks with its cube; small
+        # steps, since neighbours slow down, too
         slower = np.clip(over[more] ** -0.35, 0.93, 0.995) * rate
         ceilings.lower(ceilings.rate, place[there], slower[there], SLOWEST, around)
 

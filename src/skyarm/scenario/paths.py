@@ -69,7 +69,8 @@ def alone(scenario: Scenario, path: str) -> tuple[Scenario, str]:
             f" {names}"
         )
     one = scenario.of(next(iter(scenario.agents)))
-    if one is not scenario and is_below(path, "changes"):  # numbered among those of all
+    # changes are numbered among those of all vehicles
+    if one is not scenario and is_below(path, "changes"):
         one = replace(one, changes=scenario.changes)
     return one, path
 
@@ -78,6 +79,7 @@ def prefix_of(scenario: Scenario, name: str) -> str:
     """Beginning of the parameter paths of one of a scenario's vehicles; empty for the
     only one.
     """
+    # paths of the only vehicle are those of a file without names
     return f"{OF_AGENT}{name}." if scenario.is_team else ""
 
 
@@ -113,7 +115,9 @@ def by_agent(
     for path, value in values.items():
         _, word = alone(scenario, path)
         groups.setdefault(agent_of(path) if word != path else "", {})[word] = value
-    changed, shared = scenario, groups.pop("", {})
+    changed = scenario
+    shared = groups.pop("", {})
+    # changes are stated by the scenario, not by the flight of one vehicle
     later = {
         path: shared.pop(path) for path in [*shared] if path.startswith("changes.")
     }
@@ -122,6 +126,7 @@ def by_agent(
             changed, {tuple(path.split(".")): value for path, value in later.items()}
         )
     if shared:
+        # what all share is the same in the flight of each, so that of the first serves
         one = change(scenario.of(next(iter(scenario.agents))), shared)
         shared_parts = {
             name: getattr(one, name) for name in ("environment", "endings", "team")
@@ -259,6 +264,7 @@ def slot_at(place: Sequence[str]) -> tuple[Slot, str]:
         for slot in slots(Scenario)
         if matches(place[: len(slot.place)], slot.place)
     ]
+    # keys lie in one another, as model in controller
     slot = max(inside, key=lambda each: len(each.place))
     return slot, next(
         (a for a, b in zip(place, slot.place, strict=False) if b == EACH), ""
@@ -300,12 +306,12 @@ def delay_words() -> dict[str, tuple[Place, str]]:
     """Parameters that may vary only if another field is stated: path -> record, and
     name of that other field.
     """
-    return {
-        f"{slot.path}.{name}": (slot.place, other)
-        for slot in slots(Scenario)
-        if isinstance(slot.type, type)
-        for name, other in lifted_fields(slot.type).items()
-    }
+    found: dict[str, tuple[Place, str]] = {}
+    for slot in slots(Scenario):
+        if isinstance(slot.type, type):
+            for name, other in lifted_fields(slot.type).items():
+                found[f"{slot.path}.{name}"] = (slot.place, other)
+    return found
 
 
 def place_of_delay(scenario: Scenario, path: str) -> Place | None:
@@ -335,31 +341,27 @@ def roots(scenario: Scenario) -> dict[str, Place]:
     return {**places, **variable_words()}
 
 
-def _follow(scenario: Scenario, path: str, start: Place, words: list[str]) -> Target:
+def _follow(scenario: Scenario, path: str, start: Place, names: list[str]) -> Target:
     places: tuple[Place, ...] = (start,)
     tree: Names | None = None
     view: NumberView | None = None
     whole = True
-    for word in words:
-        options = (
-            {}
-            if view is not None
-            else path_names(part(scenario, places[0]))
-            if tree is None
-            else tree
-        )
-        if word not in options:
-            at_word = whole and start in variable_words().values()
-            names = [
-                *options,
-                *(_named_sensors_and_drives(scenario, path) if at_word else ()),
-            ]
+    for name in names:
+        # a computed number has nothing below it
+        options: Names = {}
+        if view is None:
+            options = path_names(part(scenario, places[0])) if tree is None else tree
+        if name not in options:
+            known = [*options]
+            if whole and start in variable_words().values():
+                known += _named_sensors_and_drives(scenario, path)
             there = (
-                f"{did_you_mean(word, names)}there are"
-                f" {', '.join(names) or 'no fields'}"
+                f"{did_you_mean(name, known)}there are"
+                f" {', '.join(known) or 'no fields'}"
             )
-            raise ScenarioError(f"path = {path!r}: no {word!r} here; {there}")
-        denoted, whole = options[word], False
+            raise ScenarioError(f"path = {path!r}: no {name!r} here; {there}")
+        denoted = options[name]
+        whole = False
         view = denoted if isinstance(denoted, NumberView) else None
         tree = None if isinstance(denoted, (tuple, NumberView)) else denoted
         if isinstance(denoted, tuple):

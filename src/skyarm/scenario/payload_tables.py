@@ -83,19 +83,13 @@ def model_changes(
     """
     changes: list[Change] = []
     for frame in dict.fromkeys(payload.frame for payload in payloads):
-        here = [payload for payload in payloads if payload.frame == frame]
+        held = [payload for payload in payloads if payload.frame == frame]
         path = f"model.payload.{frame}.mass" if frame else "model.payload.mass"
-        instants = sorted(
-            {
-                float(t)
-                for each in here
-                for t in (each.pick, each.drop)
-                if math.isfinite(t)
-            }
-        )
-        for t in instants:
+        times = [float(t) for each in held for t in (each.pick, each.drop)]
+        # a payload that is held to the end has no instant of its drop
+        for t in sorted({t for t in times if math.isfinite(t)}):
             mass: Scalar = sum(
-                (each.mass for each in here if each.pick <= t < each.drop), 0.0
+                (each.mass for each in held if each.pick <= t < each.drop), 0.0
             )
             changes.append(Change(at=t, path=path, value=mass))
     return tuple(
@@ -108,6 +102,7 @@ def model_changes(
 
 def _whole_period(time: float, rate: float) -> float:
     """Start (s) of the first control period at or after a time (s)."""
+    # an instant on a period's start must not fall into the next one by rounding
     return math.ceil(time * rate - 1e-9) / rate
 
 
@@ -130,7 +125,8 @@ def with_instants(
         or not isinstance(tables, list)
         or not all(isinstance(table, dict) for table in tables)
     ):
-        return tables  # nothing to add, or not what the reader of payloads takes
+        # nothing to add, or not what the reader of payloads takes
+        return tables
     filled = [dict(table) for table in tables]
     named: dict[str, int] = {}
     for i, name in enumerate(table.get("name") for table in filled):
@@ -143,11 +139,9 @@ def with_instants(
     for event in events:
         at = f"{event.where}.payload = {shown(event.payload)}"
         _require_payload(event, named)
-        table, field, same = (
-            filled[named[event.payload]],
-            FIELD[event.kind],
-            (event.payload, event.kind),
-        )
+        table = filled[named[event.payload]]
+        field = FIELD[event.kind]
+        same = (event.payload, event.kind)
         if same in seen:
             raise ValueError(
                 f"{at}: must be the name of another payload: {seen[same]} {event.kind}s"
@@ -179,10 +173,8 @@ def require_events_as_begun(scenario: Scenario, events: Sequence[TaskEvent]) -> 
         ValueError: one line: a payload or gripper that is not there, or that has
             another instant.
     """
-    named, rate = (
-        {each.name: each for each in scenario.agent.payloads},
-        scenario.rates.control,
-    )
+    named = {each.name: each for each in scenario.agent.payloads}
+    rate = scenario.rates.control
     as_begun = "as the flight began, or be left out of a change"
     for event in (each for each in events if not each.gripper):
         _require_payload(event, named)
@@ -199,15 +191,14 @@ def require_events_as_begun(scenario: Scenario, events: Sequence[TaskEvent]) -> 
     commands = [each for each in events if each.gripper]
     if not commands:
         return
-    names, agent = (
-        {each.gripper for each in commands},
-        (next(iter(scenario.agents)) if scenario.others else ""),
-    )
+    names = {each.gripper for each in commands}
+    agent = next(iter(scenario.agents)) if scenario.others else ""
     grippers = scenario.world.grippers if scenario.world is not None else ()
     free = (
         replace(each, closed=type(each.closed)()) if each.name in names else each
         for each in grippers
     )
+    # without the commands, which are then made anew and compared
     bare: Any = (
         scenario.world
         if scenario.world is None
@@ -222,7 +213,8 @@ def require_events_as_begun(scenario: Scenario, events: Sequence[TaskEvent]) -> 
 def _require_payload(event: TaskEvent, named: Collection[str]) -> None:
     """Raise an error unless a phase names a payload that there is."""
     if event.payload not in named:
-        near, there = did_you_mean(event.payload, named), ", ".join(named) or "none"
+        near = did_you_mean(event.payload, named)
+        there = ", ".join(named) or "none"
         at = f"{event.where}.payload = {shown(event.payload)}"
         raise ValueError(
             f"{at}: {near}must be the name of one of [[payloads]]; there are {there}"
@@ -252,10 +244,8 @@ def with_commands(
         at = f"{event.where}.gripper = {shown(event.gripper)}"
         gripper = grippers.get(event.gripper)
         if gripper is None:
-            near, there = (
-                did_you_mean(event.gripper, grippers),
-                ", ".join(grippers) or "none",
-            )
+            near = did_you_mean(event.gripper, grippers)
+            there = ", ".join(grippers) or "none"
             raise ValueError(
                 f"{at}: {near}must be the name of one of [[world.grippers]]; there are"
                 f" {there}"

@@ -135,7 +135,8 @@ def wind(entry: object, path: str, reading: ScenarioWords) -> Component[Tree]:
 
 def plant(entry: object, path: str, reading: ScenarioWords) -> Truth:
     """Read [plant]: vehicle, gravity (m/s^2; 9.81), payload and joint values."""
-    fields, beside = Fields(entry, path), ["kind", "integrator", "closure", "drives"]
+    fields = Fields(entry, path)
+    beside = ["kind", "integrator", "closure", "drives"]
     carrier, gravity = _vehicle_and_gravity(fields, reading, beside=beside)
     held = fields.table.get("payload", {})
     loads = (
@@ -182,7 +183,8 @@ def _vehicle_and_gravity(
         try:
             vehicle = record_from(Payload, fields.inner("payload")).held_by(vehicle)
         except ValueError as error:
-            words, at = str(error), fields.at("payload")
+            words = str(error)
+            at = fields.at("payload")
             raise ValueError(
                 words if words.startswith(at) else f"{at}: {words}"
             ) from None
@@ -201,7 +203,8 @@ def controller(entry: object, path: str, reading: ScenarioWords) -> Controller:
     """Read [controller]: a control law for the model, with its safety and actuator
     layers.
     """
-    fields, believed = Fields(entry, path), reading.word("model")
+    fields = Fields(entry, path)
+    believed = reading.word("model")
     facts = loop_facts(
         reading.word("rates"), reading.word("delays"), reading.word("estimator")
     )
@@ -233,7 +236,8 @@ def _with_joint_numbers(vehicle: Vehicle, table: Fields) -> Vehicle:
     """
     numbers: dict[Place, float] = {}
     for name in JOINT_NUMBERS:
-        value, at = table.take(name, None), table.at(name)
+        value = table.take(name, None)
+        at = table.at(name)
         if isinstance(value, list) and len(value) != vehicle.n:
             raise ValueError(
                 f"{at} = {shown(value)}: must be a number, or {vehicle.n} numbers, one"
@@ -311,7 +315,8 @@ def with_files(table: Entry, where: str, folder: Path) -> Entry:
 
         with errors_as(ValueError, f"{at}.mesh = {shown(path)}: "):
             read_corners(folder / path)
-        return str((folder / path).absolute())  # a log is drawn from any folder
+        # a log is drawn from any folder
+        return str((folder / path).absolute())
 
     return _with_paths(table, where, absolute)
 
@@ -332,13 +337,12 @@ def _with_paths(
         name: _with_paths(each, f"{where}.{name}", other)
         for name, each in table.items()
     }
-    words = ("file", "mesh") if table.get("kind") in ("samples", "plan") else ("mesh",)
+    # only these kinds have a key "file" that is a path; a user's own kind may not
+    keys = ("file", "mesh") if table.get("kind") in ("samples", "plan") else ("mesh",)
     paths = {
-        word: path
-        for word in words
-        if isinstance(path := table.get(word), str) and path
+        key: path for key in keys if isinstance(path := table.get(key), str) and path
     }
-    return entries | {word: other(word, path, where) for word, path in paths.items()}
+    return entries | {key: other(key, path, where) for key, path in paths.items()}
 
 
 NAMED_FILES = ("plant", "vehicle"), ("model", "vehicle"), ("controller", "tuned")
@@ -410,6 +414,7 @@ def _without_files(table: Entry, where: str, folder: Path) -> Entry:
             _without_files(each, f"{where}[{i}]", folder)
             for i, each in enumerate(table)
         ]
+    # a change is read again in flight, when the folder of its file is not known
     if is_gains_file(table):
         return str((folder / table).absolute())
     if not isinstance(table, dict):
@@ -427,6 +432,7 @@ def setting_of(world: Truth, duration: float) -> Setting:
     thrust-to-weight ratio.
     """
     weight = float(world.vehicle.mass) * float(world.gravity)
+    # without weight every thrust is enough
     most = float(highest_thrust(world.vehicle)) / weight if weight > 0.0 else math.inf
     return Setting(
         vehicle=world.vehicle,
@@ -449,24 +455,21 @@ def feasibility_of(scenario: Scenario) -> Feasibility | None:
 
 def reference(entry: Entry, path: str, reading: ScenarioWords) -> Trajectory:
     """Read [reference], and store the events of its task in the flight data."""
-    vehicle, setting, team = (
-        reading.word("plant").vehicle,
-        reading.setting,
-        reading.word("team"),
-    )
+    vehicle = reading.word("plant").vehicle
+    setting = reading.setting
+    team = reading.word("team")
     if path == "reference" and reading.name and (team is not None or not entry):
         stated = Fields(reading.entry_at(AGENTS), AGENTS).table.items()
-        flown = (
-            [each.agent for each in team.members]
-            if team
-            else [name for name, own in stated if "reference" in own]
-        )
-        if flown and reading.name not in flown:
+        if team:
+            led = [each.agent for each in team.members]
+        else:
+            led = [name for name, own in stated if "reference" in own]
+        if led and reading.name not in led:
             words = (
-                f"{did_you_mean(reading.name, flown)}must have a reference of its own,"
+                f"{did_you_mean(reading.name, led)}must have a reference of its own,"
                 " or be one of"
             )
-            raise ValueError(f"{AGENTS}.{reading.name}: {words} {comma_list(flown)}")
+            raise ValueError(f"{AGENTS}.{reading.name}: {words} {comma_list(led)}")
     if team is None and isinstance(entry, dict) and "object" in entry:
         raise ValueError(f"{path}.object: must be left out without [team]")
     if team is not None and isinstance(entry, dict):
@@ -501,6 +504,7 @@ def team(entry: object, path: str, reading: ScenarioWords) -> Team:
     from skyarm.world.team import Member, Team
 
     record = registered_from("team", Team, entry, path, word="law")
+    # reading takes keys out of it, which the reader of [world] needs again
     world = copy.deepcopy(reading.entry_at("world"))
     contact = registered_from(
         "world", Contact, with_files(world, "world", reading.folder), "world", "contact"
@@ -511,10 +515,8 @@ def team(entry: object, path: str, reading: ScenarioWords) -> Team:
             f"{path}.object = {shown(record.object)}:"
             f" {must_be_one_of(objects, record.object)}"
         )
-    body, grasps = (
-        objects[record.object],
-        [each for each in contact.grasps if each.body == record.object],
-    )
+    body = objects[record.object]
+    grasps = [each for each in contact.grasps if each.body == record.object]
     by_agent = {each.agent: each for each in grasps}
     if isinstance(entry, Mapping) and entry.get("members") == []:
         raise ValueError(f"{path}.members = []: must be two or more, or left out")
@@ -635,7 +637,9 @@ def initial_state(fields: Fields, scenario: Scenario) -> State:
     surface with rotors off.
     """
     stands = fields.flag("standing", False)
-    words, stated = words_of_fields(State), {*fields.table}
+    keys = words_of_fields(State)
+    # keys are taken from the table below
+    stated = {*fields.table}
     start = scenario.agent.reference.at(0.0)
     joints = rules(State)["joints"](
         fields.at("joints"), fields.numbers("joints", [float(q) for q in start.joints])
@@ -670,7 +674,7 @@ def initial_state(fields: Fields, scenario: Scenario) -> State:
         left_out = [
             name
             for name in field_names(State) or ()
-            if words.get(name, name) not in stated
+            if keys.get(name, name) not in stated
         ]
         return PartialState.of(state, left_out, scenario.agent.vehicle)
     from skyarm.world.contact.static_equilibrium import stand_vehicle

@@ -57,6 +57,10 @@ replaces."""
 INSTANTS = ("pick", "drop")
 """Keys of a payload that the phases of a task set."""
 
+WRITTEN_ANEW = ("numbers", "changes")
+"""Tables of the base that are not read: all of theirs is written anew, and files that
+changes name need not be where the base's folder is."""
+
 Tables = dict[str, Any]
 
 
@@ -129,7 +133,7 @@ def tables_of(
     """
     target = _until_end(scenario)
     stated = _with_agents(
-        {name: each for name, each in tables.items() if name != "numbers"},
+        {name: each for name, each in tables.items() if name not in WRITTEN_ANEW},
         target.agents,
     )
     laws = {
@@ -182,8 +186,10 @@ def _tables_from(target: Scenario, stated: Tables, folder: PathLike) -> Tables:
         ScenarioError: one line: they are read as another one.
     """
     begun = scenario_from(stated, folder)
-    tables = _with_changes(_with_entries(begun, target, stated), folder, target)
-    read, rate = scenario_from(tables, folder), target.rates.control
+    tables = _with_changes(_with_entries(begun, target, stated), target)
+    read = scenario_from(tables, folder)
+    rate = target.rates.control
+    # only the order within one period is a part of the flight
     if in_order(read.changes, rate) == in_order(target.changes, rate):
         target = replace(target, changes=read.changes)
     # a varied payload is written as the numbers of the body that holds it, but where a
@@ -206,13 +212,13 @@ def _added_loads(begun: Scenario, target: Scenario) -> dict[str, Any]:
     """Masses (kg) by parameter path of the point masses that a scenario has at frames,
     beyond those of another.
     """
-    paths = {
-        load: f"{prefix_of(target, name)}plant.payload.{frame.name}.mass"
-        for name, agent in target.agents.items()
-        for load in agent.plant.loads[len(begun.agents[name].plant.loads) :]
-        for frame in agent.vehicle.frames
-        if load == agent.vehicle.point_mass(load[1].mass, frame.name)
-    }
+    paths: dict[Any, str] = {}
+    for name, agent in target.agents.items():
+        prefix = f"{prefix_of(target, name)}plant.payload."
+        for load in agent.plant.loads[len(begun.agents[name].plant.loads) :]:
+            for frame in agent.vehicle.frames:
+                if load == agent.vehicle.point_mass(load[1].mass, frame.name):
+                    paths[load] = f"{prefix}{frame.name}.mass"
     return {path: body.mass for (_, body), path in paths.items()}
 
 
@@ -357,7 +363,8 @@ def _with_entries_of(
     """Scenario-file tables with new entries for one vehicle and what all share;
     scenarios of that vehicle alone.
     """
-    document, stated = tables, _of_agent(tables, agent)
+    document = tables
+    stated = _of_agent(tables, agent)
     for slot in _different_words(begun, scenario).values():
         before, after = part(begun, slot.record), part(scenario, slot.record)
         numbers_alone = slot.word.varies == "always" and _alike(before, after)
@@ -398,7 +405,7 @@ def _without_instants(entry: list[Tables], stated: list[Tables]) -> list[Tables]
     ]
 
 
-def _with_changes(tables: Tables, folder: PathLike, scenario: Scenario) -> Tables:
+def _with_changes(tables: Tables, scenario: Scenario) -> Tables:
     """Scenario-file tables with the scheduled changes of a scenario."""
     bare = {name: each for name, each in tables.items() if name != "changes"}
     return bare | ({"changes": entry_of(scenario.changes)} if scenario.changes else {})
@@ -423,8 +430,10 @@ def _alike(one: object, other: object) -> bool:
 def _entry(slot: Slot, value: Any) -> Any:
     """Entry that a scenario file has for the value of a key."""
     if slot.path == GOVERNOR:
-        return True  # the plan follows from it
-    if slot.path != slot.table:  # named items, each a table: NAME = { kind = ..., ... }
+        # the plan follows from it
+        return True
+    if slot.path != slot.table:
+        # named items, each a table: NAME = { kind = ..., ... }
         inner = slot.place[slot.place.index(EACH) + 1]
         return {each.name: entry_of(getattr(each, inner)) for each in value}
     entry = entry_of(value)
@@ -492,7 +501,8 @@ def _numbers(begun: Scenario, scenario: Scenario) -> dict[str, float]:
     """
     ours, theirs = list(walk(begun)), list(walk(scenario))
     if [place for place, _ in ours] != [place for place, _ in theirs]:
-        return {}  # of another structure, which numbers do not mend
+        # of another structure, which numbers do not mend
+        return {}
     places = [
         place
         for (place, before), (_, after) in zip(ours, theirs, strict=True)
@@ -507,6 +517,8 @@ def _numbers(begun: Scenario, scenario: Scenario) -> dict[str, float]:
         place for place in places if place_in_agent(place)[: len(FOLLOWS)] != FOLLOWS
     ]
     numbers = {path_of(begun, place): part(scenario, place) for place in stated}
+    # the mixer's numbers stand in the file only where the model's rotors do not give
+    # them
     if len(stated) < len(places) and identity(with_numbers(begun, numbers)) != identity(
         scenario
     ):
@@ -525,7 +537,8 @@ def _document_lines(document: Mapping[str, Entry], within: str) -> list[str]:
     """Text lines of a scenario file, or of the table of one of its vehicles, whose
     heads then begin with its name.
     """
-    lines = list[str]()
+    lines: list[str] = []
+    # TOML reads a plain key below a table's head as one of that table
     for name, entry in sorted(
         document.items(), key=lambda each: isinstance(each[1], Mapping)
     ):

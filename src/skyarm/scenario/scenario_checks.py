@@ -128,8 +128,12 @@ def check_scenario(
         if changed is None or ((r.numbers or not numbers) and touches(r, changed))
     ]
     for name in scenario.agents:
-        one, of = scenario.of(name), name if scenario.is_team else ""
-        with errors_as(ScenarioError), errors_of_agent(of):
+        one = scenario.of(name)
+        # messages about the only vehicle name no agent
+        with (
+            errors_as(ScenarioError),
+            errors_of_agent(name if scenario.is_team else ""),
+        ):
             for each in rules:
                 each.check(one)
     with errors_as(ScenarioError):
@@ -257,6 +261,7 @@ def require_whole(field: str, seconds: float, rate: int, unit: str) -> None:
     is above 0.
     """
     count = seconds * rate
+    # times such as 0.005 s are no exact floats, nor are their multiples
     if abs(count - round(count)) > 1e-6 or (seconds > 0.0 and round(count) < 1):
         raise ValueError(
             f"{field} = {seconds!r}: must be a whole number of {unit} of"
@@ -462,6 +467,7 @@ def plant_can_fly(scenario: Scenario) -> None:
 def _require_plant(truth: Vehicle) -> None:
     """Raise an error if a vehicle cannot be simulated."""
     require_plant(truth)
+    # called for their refusals: both are made again where they are used
     make_mixer(truth)
     joint_rate(truth)
 
@@ -496,38 +502,30 @@ def _counts_of_law(
     """Lists among a law's constants whose lengths must match joints or rotors: (field,
     values, length).
     """
+    # the recovery belongs to a layer around the law, which may have others around it
     layer = par
     while getattr(layer, "recovery", None) is None and hasattr(layer, "inner"):
         layer = layer.inner
     recovery = getattr(layer, "recovery", None)
     if recovery is not None:
-        yield from (
-            (f"recovery.{name}", getattr(recovery, name), joints)
-            for name in ("stow", "stow_speed")
-        )
-        gains = recovery.joint_gains
-        yield from (
-            (f"recovery.joint_gains.{n}", getattr(gains, n), joints)
-            for n in ("stiffness", "damping")
-        )
+        yield "recovery.stow", recovery.stow, joints
+        yield "recovery.stow_speed", recovery.stow_speed, joints
+        yield "recovery.joint_gains.stiffness", recovery.joint_gains.stiffness, joints
+        yield "recovery.joint_gains.damping", recovery.joint_gains.damping, joints
     par = innermost(par)
-    gains, mixer = getattr(par, "joint_gains", None), getattr(par, "mixer", None)
+    gains = getattr(par, "joint_gains", None)
+    mixer = getattr(par, "mixer", None)
     if isinstance(gains, JointGains):
-        yield from (
-            (f"joint_gains.{name}", getattr(gains, name), joints)
-            for name in ("stiffness", "damping")
-        )
+        yield "joint_gains.stiffness", gains.stiffness, joints
+        yield "joint_gains.damping", gains.damping, joints
     for name in ("friction_compensation", "rate_weights"):
         if getattr(par, name, ()):
             yield name, getattr(par, name), joints
     if isinstance(mixer, Mixer):
-        yield from (
-            (f"mixer.{name}", getattr(mixer, name), rotors)
-            for name in ("highest", "inverse")
-        )
-        yield from (
-            (f"mixer.inverse[{i}]", row, 4) for i, row in enumerate(mixer.inverse)
-        )
+        yield "mixer.highest", mixer.highest, rotors
+        yield "mixer.inverse", mixer.inverse, rotors
+        for i, row in enumerate(mixer.inverse):
+            yield f"mixer.inverse[{i}]", row, 4
         if mixer.across:
             yield "mixer.across", mixer.across, rotors
 
@@ -560,10 +558,8 @@ def shared_surroundings_fit(scenario: Scenario) -> None:
     """Check that contact and other models that all vehicles share name vehicles, frames
     and bodies that exist.
     """
-    period, gravities = (
-        scenario.rates.period,
-        {name: a.plant.gravity for name, a in scenario.agents.items()},
-    )
+    period = scenario.rates.period
+    gravities = {name: a.plant.gravity for name, a in scenario.agents.items()}
     first = next(iter(gravities))
     for name, gravity in gravities.items():
         if concrete(gravity, gravities[first]) and gravity != gravities[first]:
@@ -571,12 +567,14 @@ def shared_surroundings_fit(scenario: Scenario) -> None:
             raise ValueError(f"agents.{name}.plant.gravity = {gravity!r}: {words}")
     agents = ("", *scenario.agents, *scenario.others)
     for where, force in scenario.environment.placed_models:
-        agent = getattr(force, "agent", "")  # a part of a user may have one of its own
+        # a part of a user may have one of its own
+        agent = getattr(force, "agent", "")
         if type(agent) is str and agent not in agents:
             raise ValueError(
                 f"{where}.agent = {shown(agent)}: {must_be_one_of(agents[1:], agent)}"
             )
     for where, whole in scenario.placed_shared:
+        # in the flight of one, the parts of a world that are of others have no vehicle
         component = whole.of_agent(first) if scenario.others else whole
         with _at_its_place(where):
             component.require_vehicles(scenario.vehicles, period, gravities[first])
@@ -748,7 +746,8 @@ def _require_start_outside(scenario: Scenario, name: str, state: State) -> None:
     vehicle, gravity = scenario.agent.vehicle, scenario.agent.plant.gravity
     for contact in (each.of_agent(name) for each in scenario.worlds):
         if not concrete(*leaves((contact, state, gravity, vehicle.mass))):
-            return  # of a batch: each lane shows itself
+            # of a batch: each lane shows itself
+            return
         require_outside(contact, vehicle, float(gravity), state)
         for ending in (RotorContact(), BodyContact()):
             if not ending.fine(scenario, state, state.position, 0):
@@ -811,10 +810,8 @@ def _check_guards(
         for word in ("closed", "open"):
             name = getattr(guard, word)
             if name and name not in switches:
-                near, there = (
-                    did_you_mean(name, switches),
-                    ", ".join(switches) or "none",
-                )
+                near = did_you_mean(name, switches)
+                there = ", ".join(switches) or "none"
                 allowed = (
                     f"{near}must be the name of a sensor of kind 'tactile_switch';"
                     f" there are {there}"

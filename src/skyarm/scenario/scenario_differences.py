@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import get_origin
 
 from skyarm.log.log_differences import more_lines
@@ -19,7 +19,8 @@ ABSENT = "(none)"
 FOR_PEOPLE = ("title", "sources", "notes", "type")
 """Names of a path that describe no part of a flight."""
 
-Words = tuple[str, ...]
+FieldPath = tuple[str, ...]
+"""Names of fields from the scenario inwards."""
 
 
 def scenario_differences(a: object, b: object) -> dict[str, tuple[Plain, Plain]]:
@@ -36,41 +37,39 @@ def scenario_differences(a: object, b: object) -> dict[str, tuple[Plain, Plain]]
         for each in (a, b)
     )
     differences = {}
-    for words in {**ours, **theirs}:
-        pair = ours.get(words, ABSENT), theirs.get(words, ABSENT)
+    for names in {**ours, **theirs}:
+        pair = ours.get(names, ABSENT), theirs.get(names, ABSENT)
         if type(pair[0]) is not type(pair[1]) or pair[0] != pair[1]:
-            differences[_path(words)] = pair
+            differences[_path(names)] = pair
     return differences
 
 
-def _leaves(data: Plain, words: Words) -> Iterator[tuple[Words, Plain]]:
+def _leaves(data: Plain, names: FieldPath) -> Iterator[tuple[FieldPath, Plain]]:
     """Field path and value of each number, text or flag in a scenario's plain data."""
-    inner = (
-        data.items()
-        if isinstance(data, Mapping)
-        else enumerate(data)
-        if isinstance(data, list)
-        else ()
-    )
+    inner: Iterable[tuple[object, Plain]] = ()
+    if isinstance(data, Mapping):
+        inner = data.items()
+    elif isinstance(data, list):
+        inner = enumerate(data)
     if not inner:
-        yield words, data
+        yield names, data
     for name, each in inner:
         # a class is told where it is a law, a plant or another kind of wind; elsewhere
         # it follows from the field
         if name not in FOR_PEOPLE or (
-            name == "type" and isinstance(each, str) and _has_choice(words)
+            name == "type" and isinstance(each, str) and _has_choice(names)
         ):
-            yield from _leaves(each, (*words, str(name)))
+            yield from _leaves(each, (*names, str(name)))
 
 
-def _has_choice(words: Words) -> bool:
+def _has_choice(names: FieldPath) -> bool:
     """True for a field path, such as environment.wind, where values of several classes
     are allowed.
     """
-    words = ("agent", *words[2:]) if words[:1] == (AGENTS,) else words
+    names = ("agent", *names[2:]) if names[:1] == (AGENTS,) else names
     return any(
         slot.word.kind
-        and matches(words, (*slot.place, EACH) if _is_list(slot) else slot.place)
+        and matches(names, (*slot.place, EACH) if _is_list(slot) else slot.place)
         for slot in slots(Scenario)
     )
 
@@ -80,20 +79,21 @@ def _is_list(slot: Slot) -> bool:
     return EACH not in slot.place and get_origin(slot.type) is tuple
 
 
-def _path(words: Words) -> str:
+def _path(names: FieldPath) -> str:
     """Parameter path of a value in a scenario's plain data; the field names joined by
     dots if no path exists.
     """
-    if words[0] == AGENTS and len(words) > 2:
-        return f"{OF_AGENT}{words[1]}.{_path(('agent', *words[2:])).removeprefix('agent.')}"
+    if names[0] == AGENTS and len(names) > 2:
+        own = _path(("agent", *names[2:])).removeprefix("agent.")
+        return f"{OF_AGENT}{names[1]}.{own}"
     for slot in sorted(slots(Scenario), key=lambda slot: -len(slot.place)):
-        head, tail = words[: len(slot.place)], words[len(slot.place) :]
+        head, tail = names[: len(slot.place)], names[len(slot.place) :]
         if matches(head, slot.place):
             number = next(
                 (a for a, b in zip(head, slot.place, strict=True) if b == EACH), ""
             )
             return ".".join((slot.path.replace(EACH, number), *tail))
-    return ".".join(words)
+    return ".".join(names)
 
 
 MOST_FIELDS = 20

@@ -5,12 +5,13 @@ A file has ``schema = 1``, ``name``, ``title``, ``duration`` (s) and these table
     [rates]       physics, control, reference (Hz; 1000, 200, 50)
     [plant]       vehicle, gravity (9.81), kind ("rigid_body", "mujoco"),
                   integrator ("rk4", "euler", "rk4_staged"),
-                  payload = { mass, frame }, joints = { damping, coulomb, coulomb_rate, effort_limit,
-                  armature, stop_stiffness, stop_damping }, each a number
+                  payload = { mass, frame }, joints = { damping, coulomb, coulomb_rate,
+                  effort_limit, armature, stop_stiffness, stop_damping }, each a number
                   for every joint or a list of one for each
     [model]       vehicle, gravity (9.81), payload, joints: the controller's model
-    [controller]  preset, or law with gains = { position, velocity, attitude, rate } (three numbers each),
-                  joint_gains = { stiffness, damping } (one number a joint); mixer, rate_error,
+    [controller]  preset, or law with gains = { position, velocity, attitude, rate }
+                  (three numbers each), joint_gains = { stiffness, damping } (one number
+                  a joint); mixer, rate_error,
                   without = ["coriolis", "coupling", "full_gravity", "feedforward"];
                   friction_compensation, rate_weights (one number a joint);
                   safety = true, or a table of limits (skyarm.control.safety.limits)
@@ -18,9 +19,10 @@ A file has ``schema = 1``, ``name``, ``title``, ``duration`` (s) and these table
                   the law gets that of t = 0;
                   governor = true, or a table of limits (skyarm.scenario.path_governor)
     [environment] wind (see skyarm.world.wind), ground (true),
-                  faults = [{ rotor or joint = name, effectiveness (a number or a signal), start }],
-                  or { joint = name, stuck = true, start }
-                  [[environment.air]], [[environment.forces]] kind = NAME and its numbers, added to the wind
+                  faults = [{ rotor or joint = name, effectiveness (a number or a
+                  signal), start }], or { joint = name, stuck = true, start }
+                  [[environment.air]], [[environment.forces]] kind = NAME and its
+                  numbers, added to the wind
     [sensors]     one sigma: position, velocity, attitude, rate, specific_force, joints,
                   joint_rates, rotor_speeds
     [sensors.X]   kind = NAME and its numbers: a sensor beside the full state, X to the
@@ -43,10 +45,12 @@ A file has ``schema = 1``, ``name``, ``title``, ``duration`` (s) and these table
                   (:mod:`skyarm.scenario.in_flight`)
     [world]       [[world.surfaces]], [[world.points]]: what the vehicle may touch, and
                   where (skyarm.world.contact)
-    [[payloads]]  mass, frame, pick, drop: loads picked up and set down in flight (skyarm.scenario.payload_tables)
+    [[payloads]]  mass, frame, pick, drop: loads picked up and set down in flight
+                  (skyarm.scenario.payload_tables)
     [numbers]     numbers by their path, applied last (:mod:`skyarm.scenario.numbers`)
-    [agents.NAME] the tables of one of several vehicles, but those of what they share; what stands at the top is of all
-                  vehicles that do not say otherwise; faults = [...] are its own
+    [agents.NAME] the tables of one of several vehicles, but those of what they share;
+                  what stands at the top is of all vehicles that do not say otherwise;
+                  faults = [...] are its own
     seed, episode
 
 A vehicle is a name of the library or a path beside the file. Without [model] the
@@ -261,13 +265,15 @@ def _scenario_of(document: Document) -> Scenario:
     top, members = document.table(""), document.members
     top.require_schema()
     for each in members.values():
+        # plants come first: faults of a vehicle would show as faults of what needs it
         each.word("plant")
     document.word("duration")
     readers.require_plugins(top)
-    agents, changes = dict[str, Agent](), document.word("changes")
-    changes = [
-        each for each in changes if not (each.of_law and document.law is not None)
-    ]
+    agents: dict[str, Agent] = {}
+    changes = document.word("changes")
+    # those of a law that does not fly
+    if document.law is not None:
+        changes = [each for each in changes if not each.of_law]
     for name, each in members.items():
         with each.errors_at():
             controller = each.stated_table("controller")
@@ -287,7 +293,8 @@ def _scenario_of(document: Document) -> Scenario:
     if "duration" not in document.replaced:
         scenario.windows.require_within(scenario.duration)
         _require_within(scenario.changes, scenario.steps, scenario.rates.control)
-    numbers, initial = document.table("numbers").table, slot_of("initial")
+    numbers = document.table("numbers").table
+    initial = slot_of("initial")
     # gains of a law that does not fly, as changes of it are
     if document.law is not None:
         numbers = {
@@ -296,24 +303,20 @@ def _scenario_of(document: Document) -> Scenario:
             if not is_below(word_of(path), "controller")
         }
     for name, each in members.items():
-        _warn_of_two_loads(
-            each,
-            [
-                word_of(c.path)
-                for c in scenario.changes
-                if agent_of(c.path) in ("", name)
-            ],
-        )
+        of_it = [c for c in scenario.changes if agent_of(c.path) in ("", name)]
+        _warn_of_two_loads(each, [word_of(c.path) for c in of_it])
     initials = {
         name: (each.entry(initial), each.at("initial"))
         for name, each in members.items()
     }
+    # a file without names has no tables of agents that could have keys left
     for name in members if members.keys() != {SOLE} else ():
         document.table(f"{AGENTS}.{name}").done(words_of_agent())
     top.done()
     require_changes(scenario)
     made = readers.at_start(scenario, initials)
     if numbers:
+        # numbers come last: their paths lead into what all else has made
         with errors_as(ScenarioError, "numbers: "):
             made = _with_stated_numbers(made, numbers)
     return replace(
@@ -341,14 +344,15 @@ def _warn_of_two_loads(document: Document, paths: Iterable[str]) -> None:
         if root not in ("plant", "model") or not load:
             continue
         stated = document.table(document.at(root)).table.get("payload", {})
-        tip, frame = document.word(root).vehicle.end_effector, load.rpartition(".")[0]
+        tip = document.word(root).vehicle.end_effector
+        frame = load.rpartition(".")[0]
         if stated.get("mass") and (stated.get("frame") or tip) == (frame or tip):
             own = f"{document.at(root)}.payload.mass = {shown(stated['mass'])}"
-            words = (
+            line = (
                 f"{path}: is a load beside {own}, which it does not replace; set both"
                 " by the path"
             )
-            warnings.warn(words, TwoLoadsWarning, stacklevel=2)
+            warnings.warn(line, TwoLoadsWarning, stacklevel=2)
 
 
 def _require_within(changes: Iterable[Change], steps: int, rate: int) -> None:

@@ -60,7 +60,8 @@ if TYPE_CHECKING:
     from skyarm.world.contact.surface import Surface
     from skyarm.world.team.team import Team
 
-    AnyComponent = Component[Any]  # of any internal state, which it alone knows
+    # of any internal state, which it alone knows
+    AnyComponent = Component[Any]
 else:
     # a world is imported when a scenario has one
     Contact = Team = AnyComponent = Component
@@ -204,9 +205,9 @@ class PartialState(State):
 
     def to_entry(self) -> dict[str, Entry]:
         """Table [initial] of a scenario file: the stated fields."""
-        words = words_of_fields(State)
+        keys = words_of_fields(State)
         return {
-            words.get(name, name): entry_of(value)
+            keys.get(name, name): entry_of(value)
             for name, value in leaves.parts(self).items()
             if name not in (*self.left_out, "left_out")
         }
@@ -428,7 +429,8 @@ def _plain_value(field: str, value: object, whole: bool = True) -> Any:
             and value is not None
             and not isinstance(value, (bytes, set, frozenset))
         ):
-            return coerce.number(field, value)  # lanes of a batch, nodes of a trace
+            # lanes of a batch, nodes of a trace
+            return coerce.number(field, value)
     except RecordError:
         pass
     raise RecordError(
@@ -513,6 +515,7 @@ class Environment:
     ] = field_if_any(default=None)
 
     def __post_init__(self) -> None:
+        # a world is asked for what it can, since importing its class takes time
         if self.world is not None and not hasattr(self.world, "on"):
             raise ScenarioError(
                 f"world = {shown(self.world)}: must be a Contact or None"
@@ -725,14 +728,8 @@ class Agent:
     def all_drives(self) -> tuple[Drive, ...]:
         """Drive of each joint in order; empty if every joint is commanded by torque."""
         given = {each.joint: each.drive for each in self.joint_drives}
-        return (
-            tuple(
-                given.get(joint.name, TORQUE_DRIVE)
-                for joint in self.plant.vehicle.joints
-            )
-            if given
-            else ()
-        )
+        joints = self.plant.vehicle.joints if given else ()
+        return tuple(given.get(joint.name, TORQUE_DRIVE) for joint in joints)
 
     def placed_models(
         self, environment: Environment
@@ -768,6 +765,7 @@ def words_as_keywords(kind: type[Record]) -> type[Record]:
 
     @functools.wraps(generated)
     def take_words(record: Record, **words: object) -> None:
+        # in loops: a copy with all fields needs no sorting into groups
         complete = words.keys() == defaults(kind).keys()
         generated(record, **(words if complete else _fields_from_words(kind, words)))
 
@@ -789,8 +787,8 @@ def _fields_from_words(kind: type, words: dict[str, object]) -> dict[str, object
     }
     members = fields.get("agents")
     if isinstance(members, Mapping) and len(members) == 1:
-        (_, only), _ = *members.items(), fields.pop("agents")
-        fields.setdefault("agent", only)
+        del fields["agents"]
+        fields.setdefault("agent", next(iter(members.values())))
     for group, group_kind in groups(kind).items() if words else ():
         if inner := {
             word: words.pop(word)
@@ -808,7 +806,7 @@ def _fields_from_words(kind: type, words: dict[str, object]) -> dict[str, object
                 # what is not is refused as the group
                 fields[group] = replace(fields[group], **inner)
     if "agent" in fields:
-        known = (
+        known: Members[Any] = (
             members
             if isinstance(members, Members)
             else Members(tuple(members or (SOLE,)))
@@ -1110,7 +1108,8 @@ class Scenario(ShortNames):
             ScenarioError: there are several, or it is the view of one of them; the
                 message names them.
         """
-        if len(names := (*self.agents, *self.others)) > 1:
+        names = (*self.agents, *self.others)
+        if len(names) > 1:
             words = (
                 f"must be one for {purpose}; leave the others, and what they hold, out"
                 " of the scenario"
@@ -1129,7 +1128,8 @@ class Scenario(ShortNames):
             raise ScenarioError(
                 f"agents = {shown(name)}: {must_be_one_of(self.agents, name)}"
             )
-        if len(self.agents) == 1:
+        # itself, since callers tell a view of one of several by its identity
+        if not self.is_team:
             return self
         of_it = (each for each in self.changes if agent_of(each.path) in ("", name))
         changes = tuple(replace(each, path=word_of(each.path)) for each in of_it)
@@ -1208,6 +1208,7 @@ class Scenario(ShortNames):
         """Scenario with another law of each vehicle in order, and without scheduled
         changes of the present laws.
         """
+        # one law for several vehicles is refused with their names, not by zip
         agents = [self.agent] if len(controllers) == 1 else self.agents.values()
         pairs = zip(agents, controllers, strict=True)
         records = tuple(
@@ -1225,6 +1226,7 @@ class Scenario(ShortNames):
     @property
     def steps(self) -> int:
         """Number of control periods of the flight."""
+        # a whole number but for rounding, as a rule has checked
         return round(self.duration * self.rates.control)
 
     @property
@@ -1362,7 +1364,8 @@ def first_state(scenario: Scenario) -> State:
     """Initial state of a scenario: the stated one, and hover trim at the reference for
     what it leaves out.
     """
-    own, initial = scenario.agent, scenario.agent.initial
+    own = scenario.agent
+    initial = own.initial
     if initial is not None and not isinstance(initial, PartialState):
         return initial
     start = own.reference.at(0.0)

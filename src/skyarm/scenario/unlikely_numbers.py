@@ -85,7 +85,8 @@ def unlikely_numbers(scenario: Scenario) -> tuple[str, ...]:
     """Warnings about suspicious but allowed values of a scenario; empty if there are
     none.
     """
-    if len(scenario.agents) > 1:
+    # lines of the only vehicle have no name before them
+    if scenario.is_team:
         return tuple(
             f"{name}: {line}"
             for name in scenario.agents
@@ -121,33 +122,24 @@ def load_warnings(scenario: Scenario) -> Iterator[str]:
     """Warnings about loads on cords that would reach below the ground or a surface
     along the reference, when level.
     """
-    vehicle, times = (
-        scenario.agent.plant.vehicle,
-        np.linspace(0.0, scenario.duration, LOOKS + 1),
-    )
+    vehicle = scenario.agent.plant.vehicle
+    times = np.linspace(0.0, scenario.duration, LOOKS + 1)
     loads = (
         (i, each)
         for i, each in enumerate(scenario.agent.payloads)
         if isinstance(each, HangingPayload)
     )
     for i, payload in loads:
-        looks, frame = (
-            scenario.agent.reference.at(times),
-            vehicle.frame(payload.frame or None),
-        )
+        looks = scenario.agent.reference.at(times)
+        frame = vehicle.frame(payload.frame or None)
         top = looks.position + axis_rotation(E_Z, looks.yaw).apply(
             frame_pose(vehicle, frame, looks.joints).p
         )
         held = (times >= float(payload.pick)) & (times < float(payload.drop))
         for solid in scenario.environment.solids:
             below = top.z - float(payload.hangs)
-            deepest = float(
-                np.max(
-                    np.where(
-                        held, np.asarray(payload.let_down(top, (solid,)).z - below), 0.0
-                    )
-                )
-            )
+            depths = np.asarray(payload.let_down(top, (solid,)).z - below)
+            deepest = float(np.max(np.where(held, depths, 0.0)))
             if deepest > 0.0:
                 yield (
                     f"payloads[{i}].cord: lets the load hang {deepest:.3g} m below"
@@ -210,7 +202,8 @@ def _unusual(record: object, where: str) -> Iterator[str]:
 def _unusual_fields(
     record: object, where: str
 ) -> Iterator[tuple[tuple[type, str], str]]:
-    said, kind = units(type(record)), getattr(record, "kind", "")
+    said = units(type(record))
+    kind = getattr(record, "kind", "")
     for name, value in parts(record).items():
         at = (
             f"{where}[{getattr(value, 'name', name)}]"
@@ -218,15 +211,18 @@ def _unusual_fields(
             else f"{where}.{name}"
         )
         if name not in said:
-            if not isinstance(value, Vehicle):  # it has lines of its own
+            # a vehicle has lines of its own
+            if not isinstance(value, Vehicle):
                 yield from _unusual_fields(value, at)
             continue
-        unit, usual, slides = said[name].unit, said[name].usual, kind == "prismatic"
+        unit, usual = said[name].unit, said[name].usual
+        slides = kind == "prismatic"
         most = usual[slides] if isinstance(usual, tuple) else usual
         if kind in ("revolute", "prismatic") and " or " in unit:
             unit = unit.split(" or ")[slides]
         if unit == "rad" and most == math.inf:
-            most = TURN[0]  # no angle of a mount or a body is more than a turn
+            # no angle of a mount or a body is more than a turn
+            most = TURN[0]
         if most != math.inf:
             for line in _too_large(f"{at} =", _size(value), most, unit):
                 yield (type(record), name), line
@@ -253,10 +249,9 @@ def _size(value: Any) -> float:
 
 
 def _reference(scenario: Scenario) -> Iterator[str]:
-    links, start = (
-        scenario.agent.plant.vehicle.links,
-        scenario.agent.initial and first_state(scenario),
-    )
+    links = scenario.agent.plant.vehicle.links
+    # a start at the reference has its joints, which are looked at already
+    start = scenario.agent.initial and first_state(scenario)
     times = np.linspace(0.0, scenario.duration, LOOKS + 1)
     looks = scenario.agent.reference.at(times)
     farthest = float(np.max(np.sqrt(sum(np.square(c) for c in looks.position))))
@@ -282,15 +277,13 @@ def _reference(scenario: Scenario) -> Iterator[str]:
         }
         if start is not None:
             values[f"initial.joints[{i}] ="] = float(start.joints[i])
-        for words, value in values.items():
-            yield from _too_large(words, value, TURN[slides], ("rad", "m")[slides])
+        for before, value in values.items():
+            yield from _too_large(before, value, TURN[slides], ("rad", "m")[slides])
 
 
 def _model(scenario: Scenario) -> Iterator[str]:
-    truth, model = (
-        scenario.agent.plant.vehicle,
-        scenario.agent.controller.par.model.vehicle,
-    )
+    truth = scenario.agent.plant.vehicle
+    model = scenario.agent.controller.par.model.vehicle
     if model != truth:
         truth_lines = set(unlikely_in_vehicle(truth))
         yield from (
@@ -318,14 +311,11 @@ def _inertias(vehicle: Vehicle) -> Iterator[str]:
     ]
     extent = max(SMALLEST, *map(_norm, placed))
     extent = max(extent, sum(_norm(link.joint.position) for link in vehicle.links))
-    arm, least = (
-        max((_norm(each.position) for each in vehicle.rotors), default=0.0),
-        vehicle.base.inertia,
-    )
+    arm = max((_norm(each.position) for each in vehicle.rotors), default=0.0)
+    least = vehicle.base.inertia
     moment = min(float(least.xx), float(least.yy), float(least.zz))
-    if float(vehicle.base.mass) > 0.0 and _gyration(
-        vehicle.base, moment
-    ) < COMPACT * min(arm, 1.0):
+    small = _gyration(vehicle.base, moment) < COMPACT * min(arm, 1.0)
+    if float(vehicle.base.mass) > 0.0 and small:
         yield (
             f"base.inertia: has {moment:g} kg m^2 about an axis, and rotors {arm:.3g} m"
             " away; kg m^2?"
@@ -354,11 +344,9 @@ def _inertias(vehicle: Vehicle) -> Iterator[str]:
 def _gyration(body: Body, moment: float) -> float:
     """Radius of gyration (m) of a body, from its mass and moment of inertia."""
     mass = float(body.mass)
-    return (
-        math.sqrt(max(moment, 0.0) / mass)
-        if mass > 0.0
-        else (math.inf if moment > 0.0 else 0.0)
-    )
+    if mass > 0.0:
+        return math.sqrt(max(moment, 0.0) / mass)
+    return math.inf if moment > 0.0 else 0.0
 
 
 SPINNING = 0.1
@@ -383,10 +371,9 @@ def _rotors(vehicle: Vehicle) -> Iterator[str]:
                 f'alone, or none: [[rotors]] name = "{rotor.name}", inertia = 0, and so'
                 " for each?"
             )
-    weight, top = (
-        float(vehicle.mass) * EARTH,
-        (float(highest_thrust(vehicle)) if vehicle.rotors else math.nan),
-    )
+    weight = float(vehicle.mass) * EARTH
+    # without rotors there is nothing to compare: NaN is within no bounds below
+    top = float(highest_thrust(vehicle)) if vehicle.rotors else math.nan
     if not 0.0 <= top < math.inf or MARGINS[0] * weight <= top <= MARGINS[1] * weight:
         return
     if top < weight and any(
@@ -405,15 +392,14 @@ def _rotors(vehicle: Vehicle) -> Iterator[str]:
         ),
         "",
     )
-    speeds = (
-        table
-        or f"rotors: max_speed = {max(float(rotor.max_speed) for rotor in vehicle.rotors):g} rad/s"
-    )
+    fastest = max(float(rotor.max_speed) for rotor in vehicle.rotors)
+    speeds = table or f"rotors: max_speed = {fastest:g} rad/s"
     hint = (
         "rad/s, not rev/min? N, not g?"
         if table
         else "rad/s, not rev/min? N s^2/rad^2 of thrust? kg, not g?"
     )
+    # a vehicle of no weight is told of by its own line, not by a division by 0
     yield f"{speeds}: lifts {top / max(weight, 1e-300):.3g} times the weight; {hint}"
 
 

@@ -66,13 +66,14 @@ def without_effect(scenario: Scenario) -> tuple[str, ...]:
 
     A part that cannot be evaluated is not judged: the flight states its fault.
     """
-    lines = list[str]()
+    # lines of the only vehicle have no name before them
     if scenario.is_team:
         return tuple(
             f"{name}: {line}"
             for name in scenario.agents
             for line in without_effect(scenario.of(name))
         )
+    lines: list[str] = []
     for judge in (_idle_components, _unread_readings):
         with suppress(Exception):
             lines += judge(scenario)
@@ -101,11 +102,11 @@ def _idle_components(scenario: Scenario) -> Iterator[str]:
             if settled and (idle := moved & blind):
                 axes = ", ".join(sorted(idle))
                 undragged = idle <= _blind_axes(scenario, parts, TILTED)
-                lacks = (
+                drag = (
                     "no drag: no" if undragged else "drag by its tilt alone: hardly any"
                 )
                 lacks = (
-                    f"where {scenario.agent.vehicle.name!r} has {lacks} effect of that"
+                    f"where {scenario.agent.vehicle.name!r} has {drag} effect of that"
                 )
                 yield f"{where}: moves the air along {axes}, {lacks}; {cure} of it?"
             elif not (acts or moved or "environment." in changing):
@@ -123,8 +124,10 @@ def _blind_axes(
 
     No axis if a part cannot be evaluated: it may react to moving air.
     """
-    vehicle, blind = scenario.agent.vehicle, {*"xyz"}
-    command, rates = Command(rotor_speeds=(), efforts=vehicle.zeros), (1.0,) * vehicle.n
+    vehicle = scenario.agent.vehicle
+    blind = {*"xyz"}
+    command = Command(rotor_speeds=(), efforts=vehicle.zeros)
+    rates = (1.0,) * vehicle.n
     state = replace(
         first_state(scenario),
         quaternion=attitude,
@@ -173,10 +176,14 @@ def _effect(
     none. Of a component that looks at the motion, or at the time where instants are
     left out, an error says that it may act elsewhere.
     """
-    period, every = scenario.rates.period, max(1, scenario.steps // INSTANTS)
+    period = scenario.rates.period
+    every = max(1, scenario.steps // INSTANTS)
     memory = _begin(scenario, component, noise=float(len(blind) == 3))
-    moved, acts = set[str](), component.uniforms > 0
+    moved: set[str] = set()
+    # random numbers are there for an effect
+    acts = component.uniforms > 0
     speeds = first_state(scenario).rotor_speeds
+    # an event shorter than the distance of the instants is met in its middle
     middles = [0.5 * (start + stop) for _, start, stop in component.events]
     for t in (*middles, *(k * period for k in range(0, scenario.steps, every))):
         if not component.uniforms:
@@ -210,6 +217,7 @@ def _effect(
         }
         if (acts or moved) and moved | still >= blind:
             break
+    # without an effect so far: one that needs time or motion raises, and is not judged
     if not (acts or moved or every == 1 or middles):
         component.wrenches(
             component.advance(memory, UNKNOWN, UNKNOWN, UNKNOWN, ()),
@@ -247,7 +255,8 @@ def readings_at(scenario: Scenario, state: State, t: Scalar) -> dict[str, object
     vehicle, period = scenario.agent.vehicle, scenario.rates.period
     readings: dict[str, object] = {FULL_STATE: measurement_of(state, WEIGHT)}
     for named in scenario.agent.sensors:
-        sensor, middle = named.sensor, (0.5,) * named.sensor.uniforms(vehicle)
+        sensor = named.sensor
+        middle = (0.5,) * sensor.uniforms(vehicle)
         readings[named.name] = sensor.take(
             sensor.start(vehicle), t, state, WEIGHT, NO_PUSH, middle, period
         )[1]
@@ -259,16 +268,12 @@ def _unread_readings(scenario: Scenario) -> Iterator[str]:
     given = sensors or scenario.agent.has_estimator
     if not given or autopilot_of(scenario.agent.controller) is not None:
         return
-    model, vehicle, state = (
-        scenario.agent.model,
-        scenario.agent.vehicle,
-        first_state(scenario),
-    )
-    readings, period = (
-        _Readings(readings_at(scenario, state, 0.0)),
-        scenario.rates.period,
-    )
-    guards, readings.read = scenario.agent.reference.guards, set()
+    model, vehicle = scenario.agent.model, scenario.agent.vehicle
+    state = first_state(scenario)
+    readings = _Readings(readings_at(scenario, state, 0.0))
+    readings.read = set()
+    period = scenario.rates.period
+    guards = scenario.agent.reference.guards
     estimator = scenario.agent.placed_estimator.believing(model.vehicle, model.gravity)
     command = Command(rotor_speeds=state.rotor_speeds, efforts=vehicle.zeros)
     estimator.step(estimator.start(model.vehicle), readings, command, period)

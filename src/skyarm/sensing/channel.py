@@ -164,6 +164,7 @@ class Channel:
             first: condition, true at the first reading of an episode.
             dt: s between readings.
         """
+        # the variance of a random walk grows by density^2 dt between two readings
         step = mul(self.walk, dt**0.5)
         return tuple(
             where(first, data(mul(self.turn_on, n)), add(b, mul(step, n)))
@@ -204,6 +205,7 @@ class Channel:
         """Standard deviation of a reading's white noise; an int 0 without noise."""
         if absent(self.density):
             return self.sigma
+        # white noise of a density, averaged over dt, has the variance density^2 / dt
         discrete = self.density * dt**-0.5
         return (
             discrete
@@ -216,6 +218,7 @@ class Channel:
         if absent(self.resolution):
             return value
         near = floor(divide(value, self.resolution) + 0.5) * self.resolution
+        # a resolution that varies between episodes may be 0, which rounds nothing
         return where(self.resolution > 0.0, near, value)
 
 
@@ -236,6 +239,7 @@ class Dropouts:
     """
 
     share: Annotated[
+        # below 1, because the probability of a loss's begin divides by 1 - share
         Scalar, nonnegative("", "fraction of the readings lost at random", high=0.99)
     ] = 0
     duration: Annotated[
@@ -281,6 +285,8 @@ class Dropouts:
         """
         # a run ends with probability e and begins with b, so that b / (b + e) is the
         # share; 1 - share is independence
+        # 1e-12 s: a duration of 0 takes the other side of the minimum, independent
+        # losses
         ends = minimum(1.0 - self.share, divide(dt, self.duration + 1e-12))
         begins = ends * divide(self.share, 1.0 - self.share)
         return where(draw < where(before > 0.5, 1.0 - ends, begins), 1.0, 0.0)
@@ -369,6 +375,7 @@ class ChannelSensor(Sensor):
         """Name, error model (the sensor's field of that name) and given components of
         each quantity.
         """
+        # not strict: the numbers of the white noise follow those of the drift
         return tuple(
             (name, getattr(self, name), tuple(components))
             for name, components in values.items()
@@ -417,6 +424,7 @@ class ChannelSensor(Sensor):
 
     def _uniforms(self, quantities: Quantities) -> int:
         count = sum(channel.normals(len(truth)) for _, channel, truth in quantities)
+        # normals are made of pairs of uniforms (Box, Muller), so their count is even
         return count + count % 2 + (2 if self.dropouts.random else 0)
 
     def start(self, vehicle: Vehicle) -> ChannelMemory:
@@ -428,6 +436,8 @@ class ChannelSensor(Sensor):
             _, example = self.reading(
                 0.0, [truth for _, _, truth in quantities], state, own, False, 1.0
             )
+            # of the example the shape alone counts, because a first reading always
+            # arrives
             last = rebuild(example, iter([0.0] * len(leaves(example))))
         drifts = tuple(c.start(len(truth)) for _, c, truth in quantities)
         return ChannelMemory(read=0.0, drifts=drifts, lost=0.0, last=last, own=own)
@@ -473,6 +483,7 @@ class ChannelSensor(Sensor):
             share = [next(numbers) for _ in range(channel.normals(len(truth)))]
             drifts.append(channel.drift(before, share, first, dt))
             values.append(channel.read(truth, drifts[-1], share, dt, t))
+        # readings are lost on the link, so the sensor's own state goes on all the same
         own, reading = self.reading(t, values, state, memory.own, first, dt)
         lost = memory.lost
         if loss:
@@ -493,6 +504,7 @@ class ChannelSensor(Sensor):
         return following, reading
 
 
+# asked at every reading, and the fields of a class do not change
 @cache
 def _makers(record: type) -> Mapping[str, Callable[[Scalars], Vec3 | Scalar]]:
     """Converters from components to a vector or scalar, one for each field of a sensor

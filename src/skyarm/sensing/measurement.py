@@ -113,6 +113,7 @@ def measurement_of(state: State, specific_force: Vec3) -> Measurement:
     """Error-free measurement of a state at time 0; specific force in m/s^2, base
     axes.
     """
+    # int zeros are structure: they cost no operation in compiled code
     nothing = [0] * noise_count(len(state.joints), len(state.rotor_speeds))
     return measure(SensorNoise(), 0.0, state, specific_force, nothing)
 
@@ -205,6 +206,7 @@ class SensorNoise(Sensor):
     def uniforms(self, vehicle: Vehicle) -> int:
         """Count of uniform random numbers per reading, even; 0 for a perfect sensor."""
         count = noise_count(vehicle.n, len(vehicle.rotors))
+        # normals are made of pairs of uniforms (Box, Muller), so their count is even
         return count + count % 2 if leaves(self) else 0
 
     def measure(
@@ -226,6 +228,7 @@ class SensorNoise(Sensor):
 
 def noise_count(joints: int, rotors: int) -> int:
     """Number of standard normal numbers in one reading of the full-state sensor."""
+    # five vectors (position, velocity, attitude, rate, specific force), q, qd, speeds
     return 15 + 2 * joints + rotors
 
 
@@ -254,6 +257,8 @@ def measure(
         raise ValueError(
             f"noise has {len(noise)} numbers: must be {count}, one a channel"
         )
+    # the order in which values are made below is that of the draws: a seed's flight
+    # changes with it
     draws = iter(noise)
 
     def vector(sigma: Scalar) -> Vec3:
@@ -262,10 +267,8 @@ def measure(
     def many(values: Sequence[Scalar], sigma: Scalar) -> Scalars:
         return tuple(add(value, mul(sigma, next(draws))) for value in values)
 
-    position, velocity = (
-        state.position + vector(par.position),
-        state.velocity + vector(par.velocity),
-    )
+    position = state.position + vector(par.position)
+    velocity = state.velocity + vector(par.velocity)
     turn = vector(par.attitude)
     tilted = (
         state.quaternion

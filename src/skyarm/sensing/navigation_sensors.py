@@ -121,6 +121,7 @@ class Barometer(ChannelSensor):
         Unit(
             "m",
             "altitude of the world's origin above mean sea level",
+            # the range of the standard's tables, below the tropopause
             low=-5000.0,
             high=11000.0,
         ),
@@ -165,5 +166,6 @@ def standard_air(altitude: Scalar) -> tuple[Scalar, Scalar]:
         divide(altitude * EARTH_RADIUS, altitude + EARTH_RADIUS), TROPOPAUSE
     )
     temperature = SEA_LEVEL_TEMPERATURE - geopotential * LAPSE_RATE
+    # scalars have no power; below the tropopause the temperature is far above 0 K
     ratio = exp(log(temperature * (1.0 / SEA_LEVEL_TEMPERATURE)) * PRESSURE_EXPONENT)
     return ratio * SEA_LEVEL_PRESSURE, temperature - KELVIN

@@ -186,7 +186,9 @@ class Imu(ChannelSensor):
         """Angular rate and specific force: name, error model and true components of
         each.
         """
-        rate, R_BS = state.rate, mount_rotation(self.rpy)
+        rate = state.rate
+        R_BS = mount_rotation(self.rpy)
+        # R_BS turns the unit's axes into base axes, so readings take its transpose
         if R_BS is not None:
             rate, specific_force = R_BS.apply_T(rate), R_BS.apply_T(specific_force)
         return self.channels(gyro=rate, accelerometer=map(data, specific_force))
@@ -230,6 +232,7 @@ class Pose(ChannelSensor):
         """Position and attitude error: name, error model and true components of
         each.
         """
+        # the channel adds errors to zero, and reading() composes them with the attitude
         return self.channels(position=state.position, attitude=(0.0, 0.0, 0.0))
 
     def reading(
@@ -283,6 +286,7 @@ class Heading(ChannelSensor):
     ) -> tuple[Tree, Tree]:
         """Make the reading, which errors do not carry beyond half a turn."""
         heading = values[0][0]
+        # readings end at pi and -pi: where() keeps pi, which the floor may turn to -pi
         turned = heading - TURN * floor(heading * (1.0 / TURN) + 0.5)
         wrapped = where(absolute(heading) > 0.5 * TURN, turned, heading)
         # a subclass of slots is made anew: super() without its class would look at the
@@ -313,6 +317,7 @@ class Encoders(ChannelSensor):
         nonnegative(
             "",
             "resolution of an absolute encoder in bits; 0: no rounding",
+            # a double resolves no more than 2^-52 of its size
             high=52.0,
             effect="fewer bits make coarser positions and noisier rates",
         ),
@@ -376,6 +381,7 @@ class Encoders(ChannelSensor):
             return own, EncoderReading(
                 time=t, joints=joints, joint_rates=tuple(values[1])
             )
+        # the first reading has none before it to differ from
         rates = tuple(
             where(first, 0.0, sub(q, old) * (1.0 / dt))
             for q, old in zip(joints, own, strict=True)
@@ -455,6 +461,9 @@ class FramedSensor(ChannelSensor):
         """
         before, more = memory.own
         if not (concrete(self.bandwidth) and self.bandwidth == 0):
+            # the first reading starts the filter at the wrench, so that it shows no
+            # transient; the exponential is exact for a wrench that is constant over the
+            # period
             share = where(memory.read < 0.5, 1.0, 1.0 - exp(-mul(self.bandwidth, dt)))
             force, torque = before.force, before.torque
             push = Push(

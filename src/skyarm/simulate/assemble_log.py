@@ -37,7 +37,7 @@ from skyarm.sensing.measurement import Measurement
 from skyarm.sensing.sensor import at_origin
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.first_state import readings_waiting
-from skyarm.simulate.inputs import EpisodeInputs, FlightInputs
+from skyarm.simulate.inputs import EpisodeInputs, FlightInputs, table_of
 from skyarm.vehicle import Vehicle
 from skyarm.world import WindSample
 from skyarm.world.component import Column, by_array
@@ -133,8 +133,6 @@ def join_pieces(
     scenario: Scenario,
     pieces: Sequence[Piece | StoredPiece],
     ending: Ended | None,
-    *,
-    info: dict[str, Any] | None = None,
 ) -> Log:
     """Concatenate the parts of a flight before and after each scheduled change into one
     log.
@@ -143,7 +141,6 @@ def join_pieces(
         scenario: scenario of the flight, as the log records it.
         pieces: at least one.
         ending: None for a flight that was completed.
-        info: metadata of the log, if known already.
     """
     flown = {
         name: [
@@ -153,10 +150,11 @@ def join_pieces(
         for name in scenario.agents
     }
     logs = {
-        name: log_of_agent(scenario.of(name), each, ending, info=info)
+        name: log_of_agent(scenario.of(name), each, ending)
         for name, each in flown.items()
     }
     return (
+        # a log of one vehicle has the short form of files, without names of vehicles
         next(iter(logs.values()))
         if len(logs) == 1
         else _of_team(logs, scenario, ending)
@@ -194,8 +192,10 @@ def log_of_agent(
     sources: dict[str, dict[str, Any]] = {}
     for _, descriptions in parts:
         for name, source in descriptions.items():
+            # a change may give a sensor further fields; the first part has the rates
             sources.setdefault(name, source)["fields"] |= source["fields"]
     arrays: Mapping[str, Array] = join(tables) if len(tables) > 1 else tables[0]
+    # arrays in a file stay there: a dictionary would read them all
     if not isinstance(tables[0], ArraysByName):
         arrays = dict(arrays)
     described = describe(scenario, ending) if info is None else info
@@ -221,7 +221,8 @@ def state_arrays(
         x: states, a row each.
         u: commands, a row each.
     """
-    n, rotors = vehicle.n, len(vehicle.rotors)
+    n = vehicle.n
+    rotors = len(vehicle.rotors)
     tilts = (
         {"tilts": x[:, 13 + 2 * n + rotors :], "tilt_commands": u[:, rotors + n :]}
         if vehicle.tilts
@@ -244,19 +245,20 @@ def state_arrays(
 
 def _tables(piece: AgentPiece) -> dict[str, Array]:
     """Log arrays by name, for the part of a flight between two scheduled changes."""
-    scenario, inputs, flown = piece.scenario, piece.inputs, piece.flown
-    vehicle, count = scenario.agent.vehicle, len(flown.states)
+    scenario = piece.scenario
+    inputs = piece.inputs
+    flown = piece.flown
+    vehicle = scenario.agent.vehicle
+    count = len(flown.states)
     wind = flown.wind
+    # inputs of a long flight begin at its window, not at its first period
     start = piece.start - inputs.ticks.start
     stop = start + count
 
     def table(record: Iterable[Scalar | Array], start: int = 0) -> Array:
-        columns = [doubles(c) for c in record]
-        columns = [
-            c[start : start + count] if c.ndim else np.broadcast_to(c, (count,))
-            for c in columns
-        ]
-        return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
+        columns = map(doubles, record)
+        rows = tuple(c[start : start + count] if c.ndim else c for c in columns)
+        return table_of(rows, count)
 
     state = state_arrays(
         vehicle, inputs.times[start:stop].copy(), flown.states, flown.commands
@@ -281,6 +283,8 @@ def _tables(piece: AgentPiece) -> dict[str, Array]:
         tables["path_time"] = path_time
     if scenario.agent.reference.phases:
         tables["phase"] = phase_numbers(scenario.agent.reference, path_time)
+    # a task in the tip has a desired position of its own; else that of the level
+    # vehicle
     own = (
         {"held": table(sampled.tip, late), "reference": table(free.tip)}
         if free.tip
@@ -309,7 +313,9 @@ def sensor_data(piece: AgentPiece) -> tuple[dict[str, Array], dict[str, Any]]:
     """Log arrays of sensor readings and the law's measurement, and a description of
     each sensor for the log.
     """
-    scenario, flown, count = piece.scenario, piece.flown, len(piece.flown.states)
+    scenario = piece.scenario
+    flown = piece.flown
+    count = len(piece.flown.states)
     sensors = {
         name: (i, sensor) for i, (name, sensor) in enumerate(scenario.agent.all_sensors)
     }
@@ -352,6 +358,7 @@ def sensor_data(piece: AgentPiece) -> tuple[dict[str, Array], dict[str, Any]]:
             else scenario.agent.vehicle.frame(sensor.feels or None).name
         )
         mount = None
+        # at the base's origin is the rule, which a file need not repeat
         if not (at_origin(sensor.mounted_at) and at_origin(sensor.turned_by)):
             mount = [*map(float, (*sensor.mounted_at, *sensor.turned_by))]
         late = readings_waiting(scenario, i)
@@ -388,6 +395,7 @@ def _references(
     """Sampled-and-held reference, continuous reference and path time (s) at the logged
     instants of a flight.
     """
+    # its reference is where the clock was in flight, which no table knows before
     if inputs.waits.guards:
         return (*inputs.waiting_references(flown.led.T), 0)
     led = (
@@ -402,46 +410,39 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
     """Metadata of one vehicle's flight log as a dictionary: scenario, rates, status,
     versions, digest.
     """
-    guards, own, whole = (
-        scenario.agent.reference.guards,
-        scenario.agent,
-        describe_team(scenario, ending),
-    )
+    guards = scenario.agent.reference.guards
+    own = scenario.agent
+    whole = describe_team(scenario, ending)
     waits = [
         {"phase": each.phase, "at": float(each.at), "timeout": float(each.timeout)}
         for each in guards
     ]
-    return {
-        **{
-            name: whole[name]
-            for name in ("schema", "scenario", "title", "plant", "integrator")
-        },
+    # the order of a log's info is that of its file
+    opening = ("schema", "scenario", "title", "plant", "integrator")
+    closing = ("scenario_record", "digest")
+    info = {
+        **{name: whole[name] for name in opening},
         "plant_vehicle": own.vehicle.name,
         "plant_gravity": float(own.plant.gravity),
         "model_vehicle": own.model.vehicle.name,
         "model_gravity": float(own.model.gravity),
         "controller": own.controller.name,
-        **{
-            name: value
-            for name, value in whole.items()
-            if name not in ("scenario_record", "digest")
-        },
-        **(
-            {"phases": [phase.name for phase in own.reference.phases]}
-            if own.reference.phases
-            else {}
-        ),
-        **({"waits": waits} if waits else {}),
-        "scenario_record": whole["scenario_record"],
-        "digest": whole["digest"],
+        **{name: whole[name] for name in whole if name not in closing},
     }
+    if own.reference.phases:
+        info["phases"] = [phase.name for phase in own.reference.phases]
+    if waits:
+        info["waits"] = waits
+    return info | {name: whole[name] for name in closing}
 
 
 def describe_team(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
     """Metadata of a flight log that is of all vehicles: scenario, rates, status,
     versions, digest.
     """
-    rates, whole, files = scenario.rates, plain(scenario), own_files(scenario)
+    rates = scenario.rates
+    whole = plain(scenario)
+    files = own_files(scenario)
     return {
         "schema": 1,
         "scenario": scenario.name,

@@ -82,6 +82,7 @@ class Outcome:
         return self._only("log").log
 
     def _only(self, name: str) -> AgentOutcome:
+        # outcome.state is of an only vehicle; among several a choice would be a guess
         if len(self.agents) > 1:
             names = ", ".join(self.agents)
             raise OfOneAgentError(
@@ -131,7 +132,8 @@ class Batch:
     ) -> None:
         require_flight(scenario)
         require_rigid_body(scenario)
-        self.scenario, self.paths = scenario, require_paths(scenario, paths)
+        self.scenario = scenario
+        self.paths = require_paths(scenario, paths)
         require_kind("windows", windows, Windows)
         require_kind("stiffest", stiffest, Scenario)
         require_count("effort", effort, 0)
@@ -153,10 +155,8 @@ class Batch:
             required_totals([*own.values()], vehicles[name].n)
             for name, own in self._listed.items()
         ]
-        self._log_every, self._times = (
-            log_every,
-            np.arange(scenario.steps) / scenario.rates.control,
-        )
+        self._log_every = log_every
+        self._times = np.arange(scenario.steps) / scenario.rates.control
         self._masks = self.windows.masks(self._times)
         course = stretches(scenario)
         options = LegOptions(
@@ -230,6 +230,7 @@ class Batch:
         ended = ends[-1]
         ticks = np.asarray(ended[0].ticks).astype(int)
         completed = ticks >= self.scenario.steps
+        # from the last states, not in flight: causes cost nothing in the loop
         status = self._statuses(columns, [loop for loop, _ in ends], ticks, ~completed)
         logs = (
             batch_logs(log, self._times[:: self._log_every])
@@ -258,15 +259,15 @@ class Batch:
         per interval, and all logs.
         """
         last: tuple[Leg, Array] | None = None
-        ends, log = (
-            list[tuple[LoopState, Tallies]](),
-            list[tuple[tuple[Logged, ...], Array]](),
-        )
+        ends = list[tuple[LoopState, Tallies]]()
+        log = list[tuple[tuple[Logged, ...], Array]]()
         for leg in self._legs:
             parameters = leg.parameters(columns, len(episodes))
             carry = leg.begin(parameters, seed, episodes, last)
             carry, logged = leg.fly(carry, parameters, seed, episodes, threads)
-            last, log = (leg, carry), [*log, *logged]
+            last = (leg, carry)
+            log = [*log, *logged]
+            # floats of 64 bits: sums of 32 bits are divided and compared below
             ends.append(rebuild(leg.first, iter(list(carry.astype(float)))))
         return ends, log
 
@@ -297,14 +298,13 @@ class Batch:
             name: np.append(0, np.cumsum(mask))[ticks]
             for name, mask in self._masks.items()
         }
-        period, metrics = self.scenario.rates.period, dict[str, Array]()
+        period = self.scenario.rates.period
+        metrics = dict[str, Array]()
         for (agent, names), totals, sums in zip(
             self._listed.items(), self._totals, tallies, strict=True
         ):
-            named, joints = (
-                dict(zip(totals, sums, strict=True)),
-                self.scenario.vehicles[agent].n,
-            )
+            named = dict(zip(totals, sums, strict=True))
+            joints = self.scenario.vehicles[agent].n
             numbers = metric_values([*names.values()], named, instants, joints, period)
             metrics |= {name: numbers[each] for name, each in names.items()}
         return metrics

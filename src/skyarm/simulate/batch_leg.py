@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from skyarm.algebra import Scalar, Scalars
-from skyarm.algebra.scalars import logical_and, where
+from skyarm.algebra.scalars import where
 from skyarm.compile import trace
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -32,7 +32,7 @@ from skyarm.scenario.in_flight import Overrides, overrides_at, sources
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.batch_log import Logged
-from skyarm.simulate.check_endings import LaneEnd, statuses
+from skyarm.simulate.check_endings import LaneEnd, both_hold, columns_below, statuses
 from skyarm.simulate.first_state import component_places
 from skyarm.simulate.inputs import episode_inputs, held_reference, table_of
 from skyarm.simulate.lane_numbers import require_compiled, require_short_steps
@@ -139,9 +139,11 @@ class AgentFeed:
     """
 
     def __init__(self, scenario: Scenario, paths: Sequence[str]) -> None:
-        self._scenario, inputs = scenario, episode_inputs(scenario)
+        self._scenario = scenario
+        inputs = episode_inputs(scenario)
         self.row: GivenRow = InputRow(time=0.0, reference=())
-        self.table, self.goals = inputs.times[:, None], list[MetricGoal]()
+        self.table = inputs.times[:, None]
+        self.goals = list[MetricGoal]()
         if not (
             scenario.agent.reference.guards
             or any(path.startswith("reference.") for path in paths)
@@ -179,6 +181,7 @@ class AgentFeed:
             return row, goals
         reference = row.reference or held_reference(varied, ticks)
         if not goals:
+            # evaluated in the loop, as each lane has a motion of its own
             row = InputRow(time=row.time, reference=reference)
         both = reference, varied.agent.reference.at(row.time)
         return row, tuple(goal_of(varied.agent.vehicle, each.dense()) for each in both)
@@ -191,6 +194,7 @@ class AgentFeed:
         nodes = [
             c for c in goal_of(varied.agent.vehicle, still).tool if isinstance(c, Node)
         ]
+        # constants fold: an input that is left is a varied number of the arm
         return any(node.op == "input" for node in live(nodes))
 
 
@@ -205,11 +209,9 @@ def _instant(
     """Collect the quantities of one control instant from which the metrics of one
     vehicle are computed.
     """
-    vehicle, waits, command = (
-        stages.scenario.agent.vehicle,
-        stages.waits,
-        sample.command,
-    )
+    vehicle = stages.scenario.agent.vehicle
+    waits = stages.waits
+    command = sample.command
     if not goals:
         free = waits.reference(*waits.instants(waits.log_values(own.clock, ticks))[1])
         goals = goal_of(vehicle, row.reference.dense()), goal_of(vehicle, free.dense())
@@ -331,9 +333,12 @@ class Leg:
         options: LegOptions,
         before: Sequence[Leg] = (),
     ) -> None:
-        self.periods, self._options = periods, options
-        self._begun, self._overrides = begun, overrides
-        self._shape, self.scenario = overrides.parts_of(begun), overrides.of(begun)
+        self.periods = periods
+        self._options = options
+        self._begun = begun
+        self._overrides = overrides
+        self._shape = overrides.parts_of(begun)
+        self.scenario = overrides.of(begun)
         require_compiled(self.scenario)
         fixed = {
             path
@@ -374,6 +379,7 @@ class Leg:
         masks = {name: options.masks[name] for name in used}
         self._feed = Feed(self.scenario, (*self._free, *self._swept), masks)
         self.rows: Array = self._feed.rows[periods.start : periods.stop]
+        # most changes set numbers alone: a leg then flies the code of an earlier one
         made = (leg.code for leg in before if leg.code is not None)
         self.code: LegCode | None = next(
             (code for code in made if code.program.serves(key, self._program.plant)),
@@ -421,8 +427,7 @@ class Leg:
                 for agent, own, row, sample, goal in each
             ]
             counted = {
-                name: alive if within is True else logical_and(alive, within)
-                for name, within in inside.items()
+                name: both_hold(alive, within) for name, within in inside.items()
             }
             # a leg may count nothing
             rows_of_totals = zip(tallies, options.wanted, instants, strict=False)
@@ -502,10 +507,12 @@ class Leg:
         """Payload masses of laws' models in this leg, as far as they follow from masses
         that vary, (lanes,) each.
         """
+        # models follow payloads (believed): a varied mass is one of the law's model,
+        # too
         loads = {
             path: column
-            for path, column in given.items()
-            if word_of(path).startswith("payloads.") and path.endswith(".mass")
+            for path, column in columns_below(given, ("payloads.",)).items()
+            if path.endswith(".mass")
         }
         if not loads:
             return {}
@@ -551,11 +558,9 @@ class Leg:
         """
         if self.code is None:
             return carry, []
-        kernel, logged, every = (
-            self.code.kernel,
-            self.code.logged,
-            max(1, self._options.every),
-        )
+        kernel = self.code.kernel
+        logged = self.code.logged
+        every = max(1, self._options.every)
         limit = np.finfo(kernel.dtype).max
         log: list[tuple[tuple[Logged, ...], Array]] = []
         # samples are kept at multiples of ``every`` from the beginning of the flight
@@ -618,11 +623,8 @@ def lane_statuses(
         ticks: control periods flown.
         ended: True where the lane stopped before its time.
     """
-    motion = {
-        path: column
-        for path, column in values.items()
-        if word_of(path).startswith("reference.")
-    }
+    motion = columns_below(values, ("reference.",))
+    # lanes that diverged hold infinities, which are no reason for a warning
     with np.errstate(all="ignore"):
         varied = with_numbers(scenario, motion)
         ends = [
@@ -639,6 +641,7 @@ def _lane_end(varied: Scenario, own: AgentLoop, ticks: Array) -> LaneEnd:
     if own.clock:
         reference = Waits(varied).held_reference(own.clock, ticks)
     else:
+        # after the last period its sample is still held
         reference = held_reference(varied, np.minimum(ticks, varied.steps - 1))
     failed = np.asarray(own.clock.failed) > 0.5 if own.clock else None
     return LaneEnd(own.state, table_of(reference.dense().position, len(ticks)), failed)

@@ -105,9 +105,11 @@ def _by_episode(example: Logged, rows: Array) -> Logged:
     """Convert samples of a batch to a dataclass of arrays (episodes, samples), NaN
     after an episode's end.
     """
+    # episodes first, as users index; in one block, as each column becomes an array
     columns = np.ascontiguousarray(rows.transpose(1, 2, 0))
     whole = rebuild(example, iter(columns[: len(leaves(example))]))
     alive = np.asarray(whole.alive) > 0.5
+    # a lane that ended keeps its last state, which would look like a flight
     columns[:, ~alive] = np.nan
     return replace(whole, alive=alive)
 
@@ -119,8 +121,10 @@ def _concatenate(
     last one becomes NaN.
     """
     example = next(each for each in reversed(records) if each is not None)
-    count, columns = len(leaves(example)), []
+    count = len(leaves(example))
+    columns = []
     for each, shape in zip(records, shapes, strict=True):
+        # a leg before a change may have had other sensors: their numbers are no match
         fits = each is not None and mismatch(example, each, "record") is None
         columns.append(leaves(each) if fits else [np.full(shape, np.nan)] * count)
     joined = (

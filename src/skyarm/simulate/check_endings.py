@@ -66,13 +66,16 @@ def healthy(scenario: Scenario, state: State, goal: Vec3) -> Scalar:
     """True while no termination condition is met; a state with NaN meets one."""
     fine: Scalar = True
     for ending in endings_of(scenario):
-        fine = _both(fine, ending.fine(scenario, state, goal, 0))
+        # without slack: these are the bits that decide
+        fine = both_hold(fine, ending.fine(scenario, state, goal, 0))
     return fine
 
 
-def _both(a: Scalar, b: Scalar) -> Scalar:
+def both_hold(a: Scalar, b: Scalar) -> Scalar:
     """Logical and of two conditions; a constant True is dropped."""
-    return b if a is True else a if b is True else logical_and(a, b)
+    if a is True:
+        return b
+    return a if b is True else logical_and(a, b)
 
 
 def find_ending(
@@ -83,6 +86,7 @@ def find_ending(
     """
     state = rebuild(example_state(*scenario.agent.vehicle.sizes), iter(x))
     for ending in endings_of(scenario):
+        # in the order of the loop: the first ending that is met names the flight's end
         if not ending.fine(scenario, state, Vec3(*goal), 0):
             try:
                 cause = ending.cause(scenario, state, Vec3(*goal))
@@ -119,6 +123,17 @@ def ending_of_command(
     """Early end of a flight because a commanded number is infinite or NaN, or None."""
     cause = not_finite(scenario.agent.vehicle, command)
     return None if cause is None else Ended("diverged", cause, time)
+
+
+def columns_below(
+    values: Mapping[str, Array], prefixes: tuple[str, ...]
+) -> dict[str, Array]:
+    """Varied numbers whose path begins with one of some prefixes, of any vehicle."""
+    return {
+        path: column
+        for path, column in values.items()
+        if word_of(path).startswith(prefixes)
+    }
 
 
 OF_CAUSES = ("plant.vehicle.", "endings.", "world.")
@@ -158,25 +173,23 @@ def statuses(
     """
     # limits, the places of rotors and joints, and the endings' own numbers are all that
     # the causes depend on
-    numbers = {
-        path: column
-        for path, column in values.items()
-        if word_of(path).startswith(OF_CAUSES)
-    }
+    numbers = columns_below(values, OF_CAUSES)
     lanes = len(ended)
     with np.errstate(all="ignore"):
         varied = with_numbers(scenario, numbers)
         every = endings_of(varied)
-        words = np.array(
+        names = np.array(
             ["completed", *(ending.status for ending in every), PHASE_FAILED]
         )
         # a command that is not finite leaves a sound state behind
         number = np.where(ended, 1, 0)
         for end in ends:
             if end.failed is not None:
-                number = np.where(end.failed, len(words) - 1, number)
+                number = np.where(end.failed, len(names) - 1, number)
         # as in a single run, the first vehicle that meets an ending says which
+        # later writing wins, so the last vehicle and its last ending come first
         each = [*zip(map(varied.of, varied.agents), ends, strict=True)][::-1]
+        # with slack where a lane ended; an ending that is met exactly overwrites that
         for slack, asked in ((SLACK, ended), (0, np.ones(lanes, dtype=bool))):
             for (one, end), index in (
                 product(each, range(len(every), 0, -1)) if asked.any() else ()
@@ -185,4 +198,4 @@ def statuses(
                 number = np.where(
                     asked & ~np.broadcast_to(np.asarray(fine), (lanes,)), index, number
                 )
-    return words[number]
+    return names[number]

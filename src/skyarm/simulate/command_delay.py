@@ -26,7 +26,8 @@ def command_delay(scenario: Scenario) -> tuple[Scalar | None, Scalar]:
     """Command delay as a number of whole control periods (None: given by the queue
     length) and a remainder (s).
     """
-    rates, delay = scenario.rates, scenario.agent.delays.command
+    rates = scenario.rates
+    delay = scenario.agent.delays.command
     if scenario.agent.delays.longest_command is None:
         return (
             None,
@@ -43,11 +44,9 @@ def rotor_and_joint_delays(
     """Delays of rotor and joint commands, each as whole control periods and the
     remainder in s.
     """
-    rates, delays, split = (
-        scenario.rates,
-        scenario.agent.delays,
-        list[tuple[Scalar, Scalar]](),
-    )
+    rates = scenario.rates
+    delays = scenario.agent.delays
+    split = list[tuple[Scalar, Scalar]]()
     ratio = rates.physics // rates.control
     for more in (delays.rotors, delays.joints):
         delay = add(delays.command, more)
@@ -78,10 +77,9 @@ def switches(
         rotors: s within the period at which it takes effect in the rotors.
         joints: s within the period at which it takes effect in the joints.
     """
-    rotors_first, joints_first = (
-        joined_parts(after, before),
-        joined_parts(before, after),
-    )
+    rotors_first = joined_parts(after, before)
+    joints_first = joined_parts(before, after)
+    # an interval of constant length zero would be integrated for nothing
     if type(joints) is float and type(rotors) is not float and joints == 0.0:
         return [(rotors, joints_first)]
     if type(rotors) is float and type(joints) is not float and rotors == 0.0:
@@ -117,6 +115,7 @@ def arrivals(
         [(rest[0], old)] if len(rest) == 1 else switches(old, new, *rest)
         for rest, old, new in zip(late, before, after, strict=True)
     ]
+    # equal delays of all vehicles, the usual case, need no sorting
     if all(
         len(rest) == len(late[0]) and all(map(same, rest, late[0])) for rest in late
     ):
@@ -125,13 +124,15 @@ def arrivals(
             for row in zip(*each, strict=True)
         ]
     ends = [[*accumulate(seconds for seconds, _ in parts)] for parts in each]
-    every, parts = [end for some in ends for end in some], Parts()
+    every = [end for some in ends for end in some]
+    parts = Parts()
     start: Scalar = 0.0
     plain = all(type(end) is float for end in every)
     for end in sorted({*map(float, every)}) if plain else _ascending(every):
         now = list[Command]()
         for some, own, new in zip(ends, each, after, strict=True):
             command = new
+            # the earliest of its arrivals is tested last, so that it wins
             for at, (_, old) in reversed([*zip(some, own, strict=True)]):
                 command = blend(at < end, command, old)
             now.append(command)
@@ -147,6 +148,7 @@ def _ascending(values: Sequence[Scalar]) -> list[Scalar]:
     ordered = list[Scalar]()
     for value in values:
         largest = value
+        # insertion by minimum and maximum: traced numbers allow no branch
         for i, other in enumerate(ordered):
             ordered[i], largest = minimum(other, largest), maximum(other, largest)
         ordered.append(largest)
@@ -163,6 +165,7 @@ def command_in_force(queue: Sequence[Command], whole: Scalar | None) -> Command:
         return queue[len(queue) - 1 - round(whole)]
     in_force = queue[-1]
     for age, command in enumerate(queue[-2::-1], start=1):
+        # ages are whole numbers: halfway between them rounding decides nothing
         in_force = blend(whole < age - 0.5, in_force, command)
     return in_force
 
@@ -252,6 +255,7 @@ def numbers_of_command(command: Command, taken: CommandRange) -> tuple[float, ..
         command = dataclasses.replace(command, tilts=(0.0,) * tilts)
     numbers = (*command.rotor_speeds, *command.efforts, *command.tilts)
     floats = tuple(number for number in numbers if type(number) is float)
+    # the check of each number by type is fast; conversion is for the odd call
     floats = floats if len(floats) == len(numbers) else _plain_numbers(command)
     taken.require(floats, "command.rotor_speeds")
     return floats
@@ -275,7 +279,8 @@ def rotor_numbers(
         )
     if not coerce.is_sequence(speeds):
         raise ScenarioError(f"rotors = {shown(speeds)}: must be {rotors} numbers")
-    numbers, others = tuple(speeds), (0.0,) * (joints + tilts)
+    numbers = tuple(speeds)
+    others = (0.0,) * (joints + tilts)
     plain = set(map(type, numbers)) == {float}  # as every period under an autopilot
     if plain and len(numbers) == rotors:
         taken.require(numbers, "rotors")

@@ -59,7 +59,8 @@ class Course:
         and still scheduled.
         """
         derived = scheduled_changes(self.begun)[len(self.begun.changes) :]
-        every, rate = (*self.made, *self.coming), self.begun.rates.control
+        every = (*self.made, *self.coming)
+        rate = self.begun.rates.control
         by_hand = {
             each.tick(rate): i for i, each in enumerate(every) if each not in derived
         }
@@ -86,7 +87,8 @@ class Course:
         """Scenario schedule after applying the changes that are due up to control
         period ``tick``.
         """
-        rate, overrides = self.begun.rates.control, self.overrides
+        rate = self.begun.rates.control
+        overrides = self.overrides
         due = [change for change in self.coming if change.tick(rate) <= tick]
         for change in due:
             overrides = overrides.with_change(change)
@@ -123,5 +125,6 @@ class Course:
     ) -> Course:
         if coming:
             now = replace(now, changes=coming)
+        # a change at the very beginning ends no piece
         flown = (*self.flown, piece) if len(piece.flown[0].states) else self.flown
         return Course(self.begun, now, (*self.made, *made), coming, overrides, flown)

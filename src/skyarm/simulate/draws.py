@@ -7,7 +7,7 @@ from __future__ import annotations
 import zlib
 from collections import Counter
 from collections.abc import Sequence
-from itertools import islice
+from itertools import chain, islice
 from typing import NamedTuple
 
 import numpy as np
@@ -59,26 +59,21 @@ class Draws:
         """Channel and count of every environment model: those of each vehicle in turn,
         then the shared ones.
         """
-        return (*(pair for pairs in self.components for pair in pairs), *self.shared)
+        return (*chain.from_iterable(self.components), *self.shared)
 
     @property
     def channels(self) -> tuple[tuple[int, int], ...]:
         """List the random-number streams in use, as pairs of stream number and random
         numbers per control period.
         """
-        return tuple(
-            pair
-            for pair in (
-                *(pair for pairs in self.sensors for pair in pairs),
-                *self.models,
-            )
-            if pair[1]
-        )
+        every = chain(chain.from_iterable(self.sensors), self.models)
+        return tuple(pair for pair in every if pair[1])
 
     def shares(self, row: Sequence[Scalar]) -> Shares:
         """Split the random numbers of a control period among the sensors and the wind,
         force and contact models.
         """
+        # in the order of ``channels``: what one part takes the next cannot
         left = iter(row)
 
         def shares_of(pairs: tuple[tuple[int, int], ...]) -> list[Scalars]:
@@ -101,19 +96,17 @@ def draw_plan(scenario: Scenario) -> Draws:
     """
     sensors, components = [], []
     for name, agent in scenario.agents.items():
-        of, vehicle = "" if name == SOLE else f" of {name}", agent.vehicle
+        of = "" if name == SOLE else f" of {name}"
+        vehicle = agent.vehicle
         full, *named = agent.all_sensors
+        # an only vehicle has the built-in channels, so that its flights keep their bits
         first = _channel("sensor", of) if of else CHANNEL_SENSORS
         rows = [(first, full[1].uniforms(vehicle))]
-        sensors.append(
-            (
-                *rows,
-                *(
-                    (_channel("sensor", each + of), one.uniforms(vehicle))
-                    for each, one in named
-                ),
-            )
-        )
+        rows += [
+            (_channel("sensor", each + of), one.uniforms(vehicle))
+            for each, one in named
+        ]
+        sensors.append(tuple(rows))
         wind, *added = scenario.own_components(agent)
         channel = _channel("wind", of) if of else CHANNEL_TURBULENCE
         components.append(((channel, wind.uniforms), *_by_kind(added, of)))
@@ -125,7 +118,8 @@ def _by_kind(components: Sequence[AnyComponent], of: str) -> list[tuple[int, int
     """Channel and count of each environment model, by its kind and how many of that
     kind stand before it.
     """
-    rows, before = list[tuple[int, int]](), Counter[str]()
+    rows = list[tuple[int, int]]()
+    before = Counter[str]()
     for component in components:
         kind = type(component).__qualname__
         rows.append(
@@ -148,7 +142,8 @@ def start_draws(scenario: Scenario, seed: int, episode: ArrayLike) -> list[Array
 
     Those of each vehicle in turn, then those of the models that all share.
     """
-    steps, keys = np.array(STARTS), np.asarray(episode)[..., None]
+    steps = np.array(STARTS)
+    keys = np.asarray(episode)[..., None]
     draws = []
     for channel, count in draw_plan(scenario).models:
         numbers = (
@@ -164,4 +159,5 @@ def _channel(kind: str, name: str) -> int:
     """Index of the random-number stream of a named sensor or model: a hash, larger than
     the built-in indices.
     """
+    # crc32 has no seed of its own, as hash() has: the same in every process
     return zlib.crc32(f"{kind} {name}".encode()) | 2**31

@@ -31,6 +31,7 @@ from skyarm.dynamics import State
 from skyarm.plant.interface import make_plant
 from skyarm.plant.largest_step import STATED
 from skyarm.records.arrays import Array, doubles
+from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.records.path_names import word_of
 from skyarm.records.restore import restore
@@ -119,7 +120,8 @@ class EpisodeCode(LoopProgram):
     ) -> None:
         require_shapes(scenario)
         super().__init__(scenario, vary, tuple(numbers), key=key)
-        self.window, self.commands = window or scenario.steps, commands
+        self.window = window or scenario.steps
+        self.commands = commands
         laws = [each.controller for each in scenario.agents.values()]
         self.calls: list[LawCalls] = (
             []
@@ -136,6 +138,8 @@ class EpisodeCode(LoopProgram):
                 self.first, [_carried_memory(law, own.memory) for law, own in pairs]
             )
         self._shared = (
+            # a shared period reads neither numbers nor commands, which differ between
+            # vehicles
             machine_code and effort is None and not (commands or self.numbers)
         )
         self._called: CalledPlant | None = None
@@ -154,7 +158,8 @@ class EpisodeCode(LoopProgram):
                 program = self._write_program(name, effort)
             elif effort is None:
                 note_repeat(program, scenario)
-            self.program, self.loop = program, program.loop
+            self.program = program
+            self.loop = program.loop
             self.substeps.traced.update(program.substeps)
             self.kernel = Kernel(
                 self.loop, Lanes(1), logging=True, written=program.assembly
@@ -249,6 +254,7 @@ class EpisodeCode(LoopProgram):
         """
         if self.kernel is None or key != self.key:
             return False
+        # only these numbers fix integration steps, which need a plant to be counted
         if changed is not None and not any(
             word_of(path).startswith(("plant.", *STATED)) for path in changed
         ):
@@ -290,15 +296,19 @@ class _PythonSteps:
     def __init__(
         self, loop: Loop, carry: Array, parameters: Array, seed: int, episode: int
     ) -> None:
-        self._loop, self._step, self._keys = loop, loop.stepper(), (seed, episode)
-        self.carry, self.parameters = carry, parameters
+        self._loop = loop
+        self._step = loop.stepper()
+        self._keys = (seed, episode)
+        self.carry = carry
+        self.parameters = parameters
         self.command: tuple[str, tuple[float, ...]] = ("", ())
 
     def read_tables(self, rows: Array, log: Array) -> None:
         """Set the table of closed-loop inputs, one row per control period, and the
         table for the logged samples.
         """
-        self._rows, self._log = rows, log
+        self._rows = rows
+        self._log = log
 
     def fly(self, begin: int, end: int, start: int = 0) -> None:
         """Evaluate control periods ``begin`` to ``end`` of the input table, or up to a
@@ -325,18 +335,28 @@ class _PythonSteps:
         self.carry[:] = now
 
 
-EngineState = tuple[
-    Scenario,
-    FlightInputs,
-    Array,
-    int,
-    int,
-    Ended | None,
-    tuple[Array, Array, Array, Any, float],
-]
-"""State of an engine: scenario, its inputs and their rows, start of the piece, tick,
-end; loop state, parameters, log, memory of a law, first period of a command from
-outside."""
+@positional
+class EngineState:
+    """State of an engine between two control periods.
+
+    Attributes:
+        scenario, inputs, rows: scenario that is flown, its inputs and their table.
+        begun, tick, ended, from_outside: as of :class:`Engine`.
+        carry, parameters: loop state and parameters of the program. table: log so far.
+        memories: internal states of laws that are called.
+    """
+
+    scenario: Scenario
+    inputs: FlightInputs
+    rows: Array
+    begun: int
+    tick: int
+    ended: Ended | None
+    from_outside: float
+    carry: Array
+    parameters: Array
+    table: Array
+    memories: list[Any]
 
 
 class Engine:
@@ -364,22 +384,27 @@ class Engine:
         numbers: Mapping[str, float] | None = None,
     ) -> None:
         self.scenario = scenario or code.scenario
-        self.code, self.first, self._steps = code, code.first, self.scenario.steps
+        self.code = code
+        self.first = code.first
+        self._steps = self.scenario.steps
         self._inputs = code.inputs
         parameters = doubles(code.numbers if numbers is None else [*numbers.values()])
         self._stepper = self._make_stepper(
             code.loop, np.array(leaves(code.carry), dtype=float), parameters
         )
+        # one array for good: a copy in each stretch would be garbage
         self._before = self._stepper.carry.copy()
         self._first = 0  # period of the inputs' first row
         self._rows = self._input_rows()
         # of a row but for the commands
-        self._width = self._rows.shape[1] - self._command_inputs
+        self._width = self.inputs.rows.shape[1]
         self.recorder = FlightRecorder(code.sample, len(self._rows))
         self._stepper.read_tables(self._rows, self.recorder.table)
         self.tick = self.begun = 0
         self.ended: Ended | None = None
-        self._stretch, self.commanded, self.from_outside = 1, False, math.inf
+        self._stretch = 1
+        self.commanded = False
+        self.from_outside = math.inf
 
     def _make_stepper(
         self, loop: Loop, carry: Array, parameters: Array, *, peek: bool = False
@@ -387,9 +412,11 @@ class Engine:
         """Make the evaluator of a traced program: machine code if the flight is
         compiled, else Python.
         """
-        seed, episode = self.scenario.seed, self.scenario.episode
+        seed = self.scenario.seed
+        episode = self.scenario.episode
         if self.code.kernel is None:
             return _PythonSteps(loop, carry, parameters, seed, episode)
+        # a peek has a program of its own; its code is made at the first one
         kernel = Kernel(loop, Lanes(1), logging=True) if peek else self.code.kernel
         return Stepper(kernel, carry, parameters, seed=seed, episode=episode)
 
@@ -398,18 +425,16 @@ class Engine:
         commands from the user.
         """
         rows = self.inputs.rows
-        return (
-            np.hstack([rows, np.zeros((len(rows), self._command_inputs))])
-            if self.code.commands
-            else rows
-        )
+        if not self.code.commands:
+            return rows
+        # a mode for each vehicle, then the numbers of each command
+        room = len(self._command_sizes) + sum(self._command_sizes)
+        return np.hstack([rows, np.zeros((len(rows), room))])
 
     @cached_property
-    def _command_inputs(self) -> int:
-        """Number of inputs of a control period that are commands from the user, each
-        with its mode.
-        """
-        return sum(1 + len(leaves(own.queue[0])) for own in self.first.agents)
+    def _command_sizes(self) -> list[int]:
+        """Count of numbers in a command of each vehicle."""
+        return [len(leaves(own.queue[0])) for own in self.first.agents]
 
     @property
     def inputs(self) -> FlightInputs:
@@ -453,16 +478,20 @@ class Engine:
         if k >= self._steps or self.ended is not None:
             return False
         if commands:
-            mode, modes = 2.0 if rotors_only else 1.0, len(commands)
+            mode = 2.0 if rotors_only else 1.0
+            modes = len(commands)
             self._rows[k, self._width :][:modes] = [
                 mode if each else 0.0 for each in commands
             ]
             at = self._width + modes
-            for each, own in zip(commands, self.first.agents, strict=True):
+            for each, size in zip(commands, self._command_sizes, strict=True):
                 if each:
                     self._rows[k, at : at + len(each)] = each
-                at += len(leaves(own.queue[0])) if modes > 1 else 0
-            self.commanded, self.from_outside = True, min(self.from_outside, k)
+                at += size
+            # restore leaves it: rows behind may still hold modes, which have to be
+            # zeroed
+            self.commanded = True
+            self.from_outside = min(self.from_outside, k)
         elif self.commanded:
             self._rows[k, self._width :][: len(self.first.agents)] = 0.0
         return self._fly(k + 1)
@@ -478,17 +507,21 @@ class Engine:
         stop = min(
             stop, self.tick + self._stretch, self._first + self.code.window, self._steps
         )
-        begun, before = perf_counter(), self.tick
+        begun = perf_counter()
+        before = self.tick
         if self.commanded:
             self._rows[before:stop, self._width :][:, : len(self.first.agents)] = 0.0
         going = self._fly(stop)
-        size, seconds = self.tick - before, max(perf_counter() - begun, 1e-6)
+        size = self.tick - before
+        seconds = max(perf_counter() - begun, 1e-6)
+        # eightfold at most, as the time of a few periods is a poor measure
         self._stretch = max(1, int(size * min(8.0, PIECE / seconds)))
         return going
 
     def _fly(self, stop: int) -> bool:
         """Simulate up to control period ``stop``; False once the flight is over."""
-        carry, first = self._stepper.carry, self._first
+        carry = self._stepper.carry
+        first = self._first
         self._before[:] = carry
         self._stepper.fly(self.tick - first, stop - first, first)
         over = carry[ALIVE] < 0.5
@@ -509,16 +542,17 @@ class Engine:
         """Status, cause and time of the flight's early termination; None after its full
         duration.
         """
-        scenario, now, time = (
-            self.scenario,
-            self.now,
-            self.tick / self.scenario.rates.control,
-        )
+        scenario = self.scenario
+        now = self.now
+        time = self.tick / self.scenario.rates.control
         for i, name in enumerate(scenario.agents):
-            one, own = scenario.of(name), now.agents[i]
+            one = scenario.of(name)
+            own = now.agents[i]
             goal = (
                 self.inputs.each[i].row_at(self.tick, own, now.ticks).reference.position
             )
+            # the state first, as in the loop: a command that is not finite may follow
+            # from it
             ending = find_ending(one, time, leaves(own.state), [float(c) for c in goal])
             ending = ending or failed_phase(one, time, own.clock)
             if ending is not None:
@@ -539,6 +573,8 @@ class Engine:
             ending = ending_of_command(scenario.of(name), time, command)
             if ending is not None:
                 return self._with_name(name, ending)
+        # the loop and these functions share their conditions: to get here is a fault of
+        # ours
         raise RuntimeError(
             f"at {time} s: an episode has ended in which no ending finds anything wrong"
         )
@@ -591,7 +627,8 @@ class Engine:
         Plants that cannot be traced are replaced by the rigid body. The floats are
         NumPy's, which divide by 0.
         """
-        scenario, ticks = self.scenario, np.array([int(float(now.ticks))])
+        scenario = self.scenario
+        ticks = np.array([int(float(now.ticks))])
         program = LoopProgram(scenario)
         stages = program.stages(())
         rows = self.inputs.rows_at(ticks[0], now)
@@ -630,59 +667,47 @@ class Engine:
     def measurements(self) -> tuple[Measurement, ...]:
         """Measurement that each control law receives in the next period."""
         stepper, output, example = self._peek
-        stepper.carry[:], stepper.parameters[:] = (
-            self._stepper.carry,
-            self._stepper.parameters,
-        )
+        stepper.carry[:] = self._stepper.carry
+        stepper.parameters[:] = self._stepper.parameters
         stepper.read_tables(self._rows[self.tick : self.tick + 1], output)
         stepper.fly(0, 1, start=self.tick)
         return rebuild(example, iter(output[0].tolist()))
 
     def snapshot(self) -> EngineState:
         """Copy of the simulator's state, from which :meth:`restore` continues."""
-        stepper = self._stepper
-        memories = copy.deepcopy([each.memory for each in self.code.calls])
-        numbers = (
-            stepper.carry.copy(),
-            stepper.parameters.copy(),
-            self.recorder.table,
-            memories,
-            self.from_outside,
-        )
-        return (
-            self.scenario,
-            self._inputs,
-            self._rows,
-            self.begun,
-            self.tick,
-            self.ended,
-            numbers,
+        return EngineState(
+            scenario=self.scenario,
+            inputs=self._inputs,
+            rows=self._rows,
+            begun=self.begun,
+            tick=self.tick,
+            ended=self.ended,
+            from_outside=self.from_outside,
+            carry=self._stepper.carry.copy(),
+            parameters=self._stepper.parameters.copy(),
+            table=self.recorder.table,
+            memories=copy.deepcopy([each.memory for each in self.code.calls]),
         )
 
     def restore(self, state: EngineState) -> None:
         """Return to the simulator state of a snapshot."""
-        (
-            self.scenario,
-            self._inputs,
-            self._rows,
-            self.begun,
-            self.tick,
-            self.ended,
-            numbers,
-        ) = state
-        (
-            self._stepper.carry[:],
-            self._stepper.parameters[:],
-            table,
-            memories,
-            self.from_outside,
-        ) = numbers
+        self.scenario = state.scenario
+        self._inputs = state.inputs
+        self._rows = state.rows
+        self.begun = state.begun
+        self.tick = state.tick
+        self.ended = state.ended
+        self.from_outside = state.from_outside
+        self._stepper.carry[:] = state.carry
+        self._stepper.parameters[:] = state.parameters
         # of the snapshot's table the flight may have overwritten what follows: it goes
         # on in one of its own
-        self.recorder.table = np.empty_like(table)
-        self.recorder.table[: self.tick] = table[: self.tick]
+        self.recorder.table = np.empty_like(state.table)
+        self.recorder.table[: self.tick] = state.table[: self.tick]
         self._stepper.read_tables(self._rows, self.recorder.table)
-        for calls, memory in zip(self.code.calls, copy.deepcopy(memories), strict=True):
+        # copied again: what a law does with its memory must not reach the snapshot
+        memories = copy.deepcopy(state.memories)
+        for calls, memory in zip(self.code.calls, memories, strict=True):
             calls.memory = memory
 
     def give(
@@ -703,8 +728,10 @@ class Engine:
         """
         if not self.code.fits(key, scenario, changed):
             return False
-        self.scenario, self.begun = scenario, self.tick
+        self.scenario = scenario
+        self.begun = self.tick
         self._stepper.parameters[:] = [*numbers.values()]
+        # rows hold the reference; other numbers are parameters
         if any(word_of(path).startswith("reference.") for path in changed):
             self._rows = self._input_rows()
             self._stepper.read_tables(self._rows, self.recorder.table)
@@ -717,7 +744,8 @@ class Engine:
         now = other.now
         clocks = clocks_of_change(self.scenario, self.first, now, anew=anew)
         places = component_places(self.scenario), component_places(other.scenario)
-        carried, memories = carry_over(self.first, now, places, clocks), list[Tree]()
+        carried = carry_over(self.first, now, places, clocks)
+        memories = list[Tree]()
         for i, (law, before) in enumerate(zip(self._laws, other._laws, strict=True)):
             kept = carried.agents[i].memory
             if self.code.calls and not law.compiled:
@@ -728,5 +756,8 @@ class Engine:
                 self.code.calls[i].memory = kept
             memories.append(_carried_memory(law, kept) if self.code.calls else kept)
         self._stepper.carry[:] = leaves(_with_memories(carried, memories))
-        self.begun, self.tick, self.ended = other.tick, other.tick, other.ended
-        self.commanded, self.from_outside = other.commanded, other.from_outside
+        self.begun = other.tick
+        self.tick = other.tick
+        self.ended = other.ended
+        self.commanded = other.commanded
+        self.from_outside = other.from_outside

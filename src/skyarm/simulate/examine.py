@@ -69,7 +69,6 @@ from skyarm.records.registry import RegistryError
 from skyarm.records.registry.contract import CONTRACTS, Mistake, Numbers, class_mistake
 from skyarm.records.registry.plugins import is_of_plugin, loaded_plugins
 from skyarm.records.travel import luggage, pack, unload
-from skyarm.reference import Publisher
 from skyarm.reference.preview import with_preview
 from skyarm.reference.signals import Signal
 from skyarm.scenario.paths import is_of_agent
@@ -79,6 +78,7 @@ from skyarm.scenario.without_effect import WEIGHT, readings_at
 from skyarm.sensing.measurement import Measurement, measurement_of
 from skyarm.sensing.sensor import NO_PUSH
 from skyarm.sensing.sensor_kinds import declared_reading
+from skyarm.simulate.inputs import held_times
 from skyarm.vehicle import BASE
 from skyarm.world import Wrench
 from skyarm.world.component import MOST_UNIFORMS
@@ -139,6 +139,7 @@ class UserPart:
         function = getattr(
             self.record, method or next(iter(CONTRACTS[self.kind].methods), ""), None
         )
+        # the method itself, if the user wrote it; else his class, which inherits it
         line = place or place_of(
             function if own_code(function) else self.own or type(self.record)
         )
@@ -180,6 +181,7 @@ class UserPart:
                 and isinstance(each, str)
             ):
                 continue
+            # an int is right here: it is read as a number, never kept in a memory
             if kind_of(plain) != "a number" and type(plain) not in (int, wanted.also):
                 free = (
                     ", or a tuple or a frozen dataclass of numbers"
@@ -218,7 +220,8 @@ class UserPart:
 
     def require_wrenches(self, given: Given, wrenches: Any) -> None:
         """Refuse anything but a list of wrenches on bodies that are there."""
-        refuse, whole = partial(self.refusal, method="wrenches"), self.whole.agents
+        refuse = partial(self.refusal, method="wrenches")
+        whole = self.whole.agents
         if not isinstance(wrenches, (list, tuple)) or not all(
             isinstance(each, Wrench) for each in wrenches
         ):
@@ -311,8 +314,10 @@ class UserPart:
         class; functions of what is long.
         """
         scenario = self.scenario
-        agent, period = scenario.agent, scenario.rates.period
-        vehicle, speeds = agent.vehicle, state.rotor_speeds
+        agent = scenario.agent
+        period = scenario.rates.period
+        vehicle = agent.vehicle
+        speeds = state.rotor_speeds
         given: Given = {
             "t": t,
             "state": state,
@@ -354,6 +359,7 @@ class UserPart:
         keeps once it is called for.
         """
         whole, (own,) = self.whole, self.scenario.agents
+        # the others stand at their starts: the part is tried in sight of the whole team
         states = {name: first_state(whole.of(name)) for name in whole.agents} | {
             own: state
         }
@@ -380,10 +386,8 @@ class UserPart:
         """Call a method of the model; raise an error if it modifies an argument or
         reads a sensor that is not there.
         """
-        own, values = (
-            self.record,
-            _values(given, CONTRACTS[self.kind].methods[method].arguments),
-        )
+        own = self.record
+        values = _values(given, CONTRACTS[self.kind].methods[method].arguments)
         function = (
             partial(checked_law(own), par=own.par)
             if self.kind == "law"
@@ -395,7 +399,8 @@ class UserPart:
         try:
             result = function(*values)
         except KeyError as error:
-            name, readings = next(iter(error.args), None), given["readings"]
+            name = next(iter(error.args), None)
+            readings = given["readings"]
             if callable(readings) or not isinstance(name, str) or name in readings:
                 raise
             there = (
@@ -419,6 +424,7 @@ class UserPart:
         begin: Any = getattr(self.record, start, ())
         memory: Tree = begin
         if arguments:
+            # one half of a uniform number is the median of what it stands for
             draws = [0.5] * (2 * self.uniforms)
             values = _values(
                 self.arguments_at(0.0, first_state(self.scenario), draws), arguments
@@ -441,11 +447,13 @@ class UserPart:
         """Trace one step of the model by its contract; raise a one-line error for a
         mistake in the user's code.
         """
-        memory, first = self.first_memory(), first_state(self.scenario)
+        memory = self.first_memory()
+        first = first_state(self.scenario)
 
         def step(
             moving: Tree, time: Scalars, state: State, draws: Scalars
         ) -> Mapping[str, Any]:
+            # traced numbers refuse a branch, which no machine code has
             given = self.arguments_at(time[0], state, draws) | {"memory": moving}
             results = {}
             for name, method in CONTRACTS[self.kind].methods.items():
@@ -500,7 +508,8 @@ def _require_class(part: UserPart) -> None:
         text = getattr(part.record, name, None)
         if not isinstance(text, str):
             raise part.refusal(f"has {name} = {shown(text)}", "must be a text")
-    count, given = part.uniforms, getattr(part.record, "uniforms", None)
+    count = part.uniforms
+    given = getattr(part.record, "uniforms", None)
     if type(count) is not int or not 0 <= count <= MOST_UNIFORMS:
         line = place_of(
             given if callable(given) and own_code(given) is not None else kind
@@ -540,6 +549,7 @@ def _fingerprints(own: Sequence[UserPart], *, anew: bool = False) -> list[Finger
     texts = []
     for part in own:
         try:
+            # a function within a record has no constructor to call again
             constructed = anew and part.own is None
             texts.append(
                 (
@@ -573,11 +583,25 @@ def examine(
         where: scenario at whose start it is called; need not have it.
         place: its parameter path in messages; the kind if left out.
     """
+    part = UserPart(kind, record, place or kind, where, where)
     try:
-        _require_right([UserPart(kind, record, place or kind, where, where)])
+        _require_right([part])
+        if kind == "law":
+            check_controller(part.record)
+            _try_periods(part.record, where)
     except PartError as error:
         return [error.args[0]]
+    except LawError as error:
+        return [_mistake_of_law(error, part.record)]
     return []
+
+
+def _mistake_of_law(error: LawError, controller: Controller) -> Mistake:
+    """Error of a law as data, from its line "PLACE: law NAME WHAT: must INSTEAD"."""
+    owner = f"law {controller.name!r}"
+    place, _, line = str(error).partition(f": {owner} ")
+    what, _, instead = line.partition(": must ")
+    return Mistake(owner, place, what, instead and f"must {instead}")
 
 
 def require_shapes(scenario: Scenario) -> None:
@@ -603,12 +627,14 @@ def _require_right(own: Sequence[UserPart]) -> None:
     """
     for part in own:
         _require_class(part)
+    # as constructed first: what a part has stored in itself since differs from it
     anew, once, twice = (_fingerprints(own, anew=anew) for anew in (True, False, False))
 
     def compare(
         first: list[Fingerprint], other: list[Fingerprint], where: str, why: str
     ) -> None:
         for part, here, there in zip(own, first, other, strict=True):
+            # the first trace failed as well: there is nothing to compare it with
             if FAILED in here:
                 continue
             if FAILED in there:
@@ -651,7 +677,8 @@ def _parts_of_agent(
     """List the user-defined models of one vehicle's flight; of the ``first`` vehicle
     those that all share, too.
     """
-    agent, part = scenario.agent, partial(UserPart, scenario=scenario, whole=whole)
+    agent = scenario.agent
+    part = partial(UserPart, scenario=scenario, whole=whole)
     if is_own(agent.controller) and agent.controller.compiled:
         yield part("law", agent.controller, "controller", own=agent.controller.law)
     components = (
@@ -753,20 +780,22 @@ def _try_elsewhere(
     ]
     if ANSWERING or not any(map(is_of_plugin, codes)):
         return
-    values = [
-        pair for part in own for pair in walk(part.record) if not is_leaf(pair[1])
-    ]
+    pairs = [pair for part in own for pair in walk(part.record)]
+    values = [pair for pair in pairs if not is_leaf(pair[1])]
     places = [f"{code.co_filename}:{code.co_firstlineno}" for code in codes]
+    # numbers are left out: they are inputs of a trace, and vary in a study
     key = repr((loaded_plugins(), places, values))
     if key in TRIED:
         return
-    answered, why = None, ""
+    answered = None
+    why = ""
     try:
         with tempfile.TemporaryDirectory() as folder:
             here = Path(folder).resolve() / DEEP
             here.mkdir(parents=True)
             for _, value in values:
                 _lend_file(value, here)
+            # another one than here, also where the user has fixed his own
             seed = "1" if os.environ.get("PYTHONHASHSEED") == "0" else "0"
             done = subprocess.run(
                 [
@@ -774,6 +803,7 @@ def _try_elsewhere(
                     "-B",
                     "-c",
                     PROGRAM,
+                    # absolute, as the other process stands in another folder
                     json.dumps([os.path.abspath(path) for path in sys.path]),
                 ],
                 input=pickle.dumps((luggage(), pack(own))),
@@ -784,6 +814,7 @@ def _try_elsewhere(
                 timeout=SECONDS,
                 check=False,
             )
+        # a traceback ends with its cause
         last = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
         why = f"it ended with code {done.returncode}: {last}".removesuffix(": ")
         answered = json.loads(done.stdout)
@@ -800,6 +831,7 @@ def _try_elsewhere(
         )
     else:
         compare(answered)
+    # only after the comparison, whose error comes again at the next try
     TRIED.add(key)
 
 
@@ -815,12 +847,14 @@ def _lend_file(name: object, folder: Path) -> None:
     ):
         return
     there = Path(os.path.normpath(folder / name))
+    # never outside the temporary folder, however often a name goes up
     if there.exists() or not there.is_relative_to(folder.parents[DEEP.count("/")]):
         return
     there.parent.mkdir(parents=True, exist_ok=True)
     try:
         there.symlink_to(os.path.abspath(name))
     except OSError:
+        # Windows allows links to administrators alone
         shutil.copy(name, there)
 
 
@@ -863,23 +897,26 @@ def check_law(
         LawError: one line with the law's file and line.
     """
     if isinstance(law, Scenario):
-        flown, controller = law, law.agent.controller
+        flown = law
+        controller = law.agent.controller
     else:
         flown = load_scenario(scenario) if isinstance(scenario, str) else scenario
-        name, model = getattr(law, "__name__", "law"), flown.agent.model
+        name = getattr(law, "__name__", "law")
+        model = flown.agent.model
         controller = (
             law if isinstance(law, Controller) else call_maker(law, name, model, {})
         )
         check_controller(controller)
-    flown, rates = flown.with_controller(controller), flown.rates
+    flown = flown.with_controller(controller)
+    _try_periods(controller, flown)
+    require_shapes(flown)
+
+
+def _try_periods(controller: Controller, flown: Scenario) -> None:
+    """Try a law over the first control periods of a scenario (:func:`try_law`)."""
     seen = measurement_of(
         first_state(flown), Vec3(0.0, 0.0, float(flown.agent.plant.gravity))
     )
-    times = Publisher(
-        control_rate=rates.control, reference_rate=rates.reference
-    ).held_time(np.arange(PERIODS))
-    references = [
-        flown.agent.reference.at(float(time)) for time in times[: flown.steps]
-    ]
-    try_law(controller, 1.0 / rates.control, seen, references)
-    require_shapes(flown)
+    times = held_times(flown, np.arange(min(PERIODS, flown.steps)))
+    references = [flown.agent.reference.at(float(time)) for time in times]
+    try_law(controller, 1.0 / flown.rates.control, seen, references)

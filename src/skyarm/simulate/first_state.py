@@ -46,7 +46,8 @@ def first_loop_state(
             row.tolist()
             for row in start_draws(scenario, scenario.seed, scenario.episode)
         ]
-    period, left = scenario.rates.period, iter(draws)
+    period = scenario.rates.period
+    left = iter(draws)
     alone = [scenario.of(name) for name in scenario.agents]
     states = [first_state(each) for each in alone]
     motions = motions_of(
@@ -65,6 +66,7 @@ def first_loop_state(
     rows = [
         (model, model.start(period, next(left))) for model in scenario.shared_components
     ]
+    # by the first vehicle's motion, as in every later period (Stages.surround)
     components = tuple(
         model.settle(memory, motions[0], still) for model, memory in rows
     )
@@ -84,7 +86,9 @@ def _first_agent(scenario: Scenario, state: State) -> AgentLoop:
     """Initial state of one vehicle and its control, from the scenario of its flight and
     its initial state.
     """
-    vehicle, drives = scenario.agent.vehicle, scenario.agent.all_drives
+    vehicle = scenario.agent.vehicle
+    drives = scenario.agent.all_drives
+    # joints hold the arm from the first instant, whatever the law will do
     efforts = hover_trim(vehicle, state.joints, scenario.agent.plant.gravity).efforts
     if drives:
         rows = zip(drives, efforts, state.joints, strict=True)
@@ -114,11 +118,14 @@ def _first_reading(scenario: Scenario, index: int) -> SensorState:
     reading.
     """
     vehicle, (_, sensor) = scenario.agent.vehicle, scenario.agent.all_sensors[index]
-    waiting, memory = readings_waiting(scenario, index), sensor.start(vehicle)
+    waiting = readings_waiting(scenario, index)
+    memory = sensor.start(vehicle)
+    # the full state needs no call: its blank has the structure of every measurement
     if index == 0:
         blank = blank_measurement(*vehicle.sizes)
         return SensorState(memory=memory, held=(), waiting=(blank,) * waiting)
-    state, draws = example_state(*vehicle.sizes), (0.5,) * sensor.uniforms(vehicle)
+    state = example_state(*vehicle.sizes)
+    draws = (0.5,) * sensor.uniforms(vehicle)
     period = 1.0 / (sensor.frequency or scenario.rates.control)
     _, example = sensor.take(memory, 0.0, state, state.velocity, NO_PUSH, draws, period)
     reading = structure_of(example)
@@ -130,9 +137,12 @@ def _first_reading(scenario: Scenario, index: int) -> SensorState:
 
 def commands_waiting(scenario: Scenario) -> int:
     """Length of the queue of past commands that the command delay requires."""
-    rates, delays = scenario.rates, scenario.agent.delays
+    rates = scenario.rates
+    delays = scenario.agent.delays
     if delays.longest_command is not None:
+        # 1e-9: a multiple of the period up to rounding; one more: the command that acts
         return math.ceil(delays.longest_command * rates.control - 1e-9) + 1
+    # delays end on physics steps; the rest within a period is no place in the queue
     return round(delays.longest * rates.physics) // (rates.physics // rates.control) + 1
 
 

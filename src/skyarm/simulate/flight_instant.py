@@ -103,15 +103,18 @@ class FlightInstant:
         """Time, state and commands of the last control period by their names in a log;
         faster than :attr:`latest`.
         """
-        engine, arrays = self._engine, dict[str, Array]()
+        engine = self._engine
+        arrays = dict[str, Array]()
         start = max(engine.tick - 1, engine.begun)
-        times, agents = engine.inputs.times[start : engine.tick], engine.scenario.agents
+        times = engine.inputs.times[start : engine.tick]
+        agents = engine.scenario.agents
         rows = zip(
             agents.items(),
             engine.recorder.states_and_commands(start, engine.tick),
             strict=True,
         )
         for (name, agent), (states, commands) in rows:
+            # a log names the arrays of an only vehicle without its name (team_log)
             own = state_arrays(agent.vehicle, times, states, commands)
             arrays |= (
                 own
@@ -123,6 +126,7 @@ class FlightInstant:
     def _require_one(self, word: str) -> None:
         """Raise an error about what is of one vehicle if the session flies several."""
         agents = self._engine.scenario.agents
+        # session.state and its like are of an only vehicle, in files and scripts alike
         if len(agents) > 1:
             raise ScenarioError(
                 f"session.{word}: is of one agent; session.now.agents is of"

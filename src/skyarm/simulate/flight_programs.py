@@ -39,19 +39,19 @@ class FlightPrograms:
         commands: bool,
         window: int | None,
     ) -> None:
-        self.machine_code, self._paths, self._commands, self._window = (
-            machine_code,
-            paths,
-            commands,
-            window,
-        )
-        self.codes, self.slow = list[EpisodeCode](), ""
+        self.machine_code = machine_code
+        self._paths = paths
+        self._commands = commands
+        self._window = window
+        self.codes = list[EpisodeCode]()
+        self.slow = ""
 
     def engine(self, course: Course) -> Engine:
         """Make the simulator of the scenario in force: machine code if available, else
         Python.
         """
         scenario = course.now
+        # the other plants are Python: they are called from it
         if self.machine_code and scenario.kind == "rigid_body" and scenario.is_compiled:
             try:
                 return self._compile(course, scenario)
@@ -70,13 +70,18 @@ class FlightPrograms:
         """Make the simulator in machine code; reuses an earlier program that fits the
         scenario.
         """
-        read, key = self.read(course), self.key(course)
-        numbers, shape = dict(read.numbers), read.parts_of(course.begun)
+        read = self.read(course)
+        key = self.key(course)
+        numbers = dict(read.numbers)
+        shape = read.parts_of(course.begun)
+        # going back and forth between two scenarios compiles each once
         code = next((code for code in self.codes if code.fits(key, scenario)), None)
         if code is None:
             # code that flies on after a change is made in a hurry: the vehicle is in
             # the air
             quick = course.overrides is not NONE or course.coming or self._paths
+            # a session's length is open: full effort; that of run() is weighed
+            # (Assembly.pays)
             effort = 0 if quick else 2 if self._commands else None
 
             def vary(values: Sequence[Scalar]) -> Scenario:

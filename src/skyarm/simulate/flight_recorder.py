@@ -27,7 +27,8 @@ class FlightRecorder:
     """
 
     def __init__(self, sample: Sample, periods: int) -> None:
-        self._sample, self.first = sample, 0
+        self._sample = sample
+        self.first = 0
         # takes memory as it is written
         self.table: Array = np.empty((periods, len(leaves(sample))))
 
@@ -37,11 +38,10 @@ class FlightRecorder:
         """Logged samples of each vehicle in control periods ``start`` to ``stop``, as
         views of the log if not kept.
         """
-        rows, samples = (
-            self.table[start - self.first : stop - self.first],
-            list[LoggedSamples](),
-        )
+        rows = self.table[start - self.first : stop - self.first]
+        samples = list[LoggedSamples]()
         rows = rows.copy() if kept else rows
+        # columns in place of numbers: each field becomes an array over time
         columns = rebuild(self._sample, iter(rows.T))
         for own, (first, command, measured, found, led, end) in zip(
             columns.agents, self._marks, strict=True
@@ -64,7 +64,8 @@ class FlightRecorder:
         """Columns of each sensor's reading of the only vehicle in a row of the log, by
         the sensor's name.
         """
-        sample, places = self._sample.agent, dict[str, slice]()
+        sample = self._sample.agent
+        places = dict[str, slice]()
         begin = self._marks[0][2] + len(leaves(sample.measurement))
         for name, reading in sample.readings:
             places[name] = slice(begin, begin := begin + len(leaves(reading)))
@@ -109,8 +110,10 @@ class FlightRecorder:
         """Columns of a logged sample at which each vehicle's state, command,
         measurement and later parts begin.
         """
-        marks, begin = list[list[int]](), len(leaves(self._sample.alive))
+        marks = list[list[int]]()
+        begin = len(leaves(self._sample.alive))
         for own in self._sample.agents:
+            # in the order of AgentSample's fields, which is that of a row
             later = (own.measurement, own.readings, own.wind)
             sizes = [
                 len(leaves(part))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from skyarm.algebra.scalars import floor
 from skyarm.compile import Program, trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.control.controller import preview_leads
-from skyarm.records.arrays import Array, doubles
+from skyarm.records.arrays import AnyArray, Array, doubles
 from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.reference import Publisher, Reference
 from skyarm.reference.path_time import by_flight_time
@@ -77,24 +78,21 @@ class EpisodeInputs:
         fed = InputRow(
             time=self.times,
             reference=self.held_reference,
-            told=self.told_reference,
+            scaled=self.scaled_reference,
             path_time=self.path_time,
         )
         return table_of(fed, len(self.ticks))
 
     @cached_property
-    def told_reference(self) -> Reference | tuple[()]:
+    def scaled_reference(self) -> Reference | tuple[()]:
         """Time-scaled sampled reference as a Reference of arrays; empty without time
         scaling.
         """
         path = self.scenario.agent.path_time
         if path is None:
             return ()
-        rates = self.scenario.rates
-        publisher = Publisher(
-            control_rate=rates.control, reference_rate=rates.reference
-        )
-        times = publisher.held_time(np.arange(self.ticks.start, self.ticks.stop))
+        instants = np.arange(self.ticks.start, self.ticks.stop)
+        times = held_times(self.scenario, instants)
 
         def at(lead: Scalar) -> Reference:
             s = path.derivatives(times + lead)
@@ -126,11 +124,11 @@ class EpisodeInputs:
         """Closed-loop inputs at one instant, reference included, with zeros as numbers,
         to trace a program from.
         """
-        scaled = structure_of(self.told_reference)
+        scaled = structure_of(self.scaled_reference)
         return InputRow(
             time=0.0,
             reference=self.reference_example,
-            told=scaled,
+            scaled=scaled,
             path_time=0.0 if scaled else (),
         )
 
@@ -170,13 +168,12 @@ class EpisodeInputs:
         """Reference sample of a control period, at the clock of a task, which stops
         while a phase waits.
         """
+        # by the program of the tables, so that it has their bits
         columns = [np.array([float(value)]) for value in self.waits.times(clock, ticks)]
         sample, _, _ = self.waiting_references(columns)
         (since, offset), _ = self.waits.instants(columns)
-        leads, end = (
-            preview_leads(self.scenario.agent.controller.par),
-            float(self.waits.end(clock)),
-        )
+        leads = preview_leads(self.scenario.agent.controller.par)
+        end = float(self.waits.end(clock))
         sample = with_preview(
             sample,
             leads,
@@ -192,10 +189,9 @@ class EpisodeInputs:
         """Closed-loop inputs of the control period that begins with a given state of
         the vehicle and its control.
         """
-        numbers, clock = (
-            iter(self.rows[min(tick, self.ticks[-1]) - self.ticks[0]].tolist()),
-            own.clock,
-        )
+        # after the last period the last row still holds the reference
+        numbers = iter(self.rows[min(tick, self.ticks[-1]) - self.ticks[0]].tolist())
+        clock = own.clock
         if clock:
             path_time = float(self.waits.path_time(clock))
             return InputRow(
@@ -236,7 +232,10 @@ class FlightInputs:
     ) -> None:
         self.scenario = scenario
         ticks = range(
-            first, min(first + (window or scenario.steps) + 1, scenario.steps)
+            # one more: a flight that ends in the window's last period is judged by the
+            # next row
+            first,
+            min(first + (window or scenario.steps) + 1, scenario.steps),
         )
         self.each: tuple[EpisodeInputs, ...] = tuple(
             episode_inputs(
@@ -258,6 +257,7 @@ class FlightInputs:
         vehicle in turn.
         """
         first, *others = (each.rows for each in self.each)
+        # the table of an only vehicle is taken as it is: hstack would copy it
         return np.hstack([first, *others]) if others else first
 
     @property
@@ -288,14 +288,12 @@ def episode_inputs(
         ticks: numbers of the instants; all if left out.
         program: traced reference of the scenario, if there is one already.
     """
-    ticks, rates = range(scenario.steps) if ticks is None else ticks, scenario.rates
+    ticks = range(scenario.steps) if ticks is None else ticks
     # k / rate, not k * period: 1500 * 0.005 is not 7.5 in binary, and a gust must start
     # on its tick
     instants = np.arange(ticks.start, ticks.stop)
-    times = instants / rates.control
-    held = Publisher(
-        control_rate=rates.control, reference_rate=rates.reference
-    ).held_time(instants)
+    times = instants / scenario.rates.control
+    held = held_times(scenario, instants)
     program = program or _motion(scenario)
 
     def at(lead: Scalar) -> Reference:
@@ -308,6 +306,13 @@ def episode_inputs(
     if published.load:
         published = replace(published, load=_sample(program, times).load)
     return EpisodeInputs(scenario, ticks, times, published, program)
+
+
+def held_times(scenario: Scenario, ticks: AnyArray) -> Any:
+    """Times (s) of the reference samples that are held in control periods ``ticks``."""
+    rates = scenario.rates
+    publisher = Publisher(control_rate=rates.control, reference_rate=rates.reference)
+    return publisher.held_time(ticks)
 
 
 def _motion(scenario: Scenario) -> Program:
@@ -336,15 +341,12 @@ def held_row(scenario: Scenario, ticks: Scalar) -> InputRow[Reference]:
 
 def held_reference(scenario: Scenario, ticks: Scalar) -> Reference:
     """Reference sample that a flight holds in control period number ``ticks``."""
-    rate, ratio = (
-        float(scenario.rates.control),
-        float(scenario.rates.control // scenario.rates.reference),
-    )
+    rate = float(scenario.rates.control)
+    ratio = float(scenario.rates.control // scenario.rates.reference)
+    # half a tick, so that rounding of the quotient never finds the sample before
     time = floor((ticks + 0.5) / ratio) * ratio / rate
-    leads, motion = (
-        preview_leads(scenario.agent.controller.par),
-        scenario.agent.law_reference,
-    )
+    leads = preview_leads(scenario.agent.controller.par)
+    motion = scenario.agent.law_reference
     reference = with_preview(
         motion.at(time), leads, lambda lead: motion.at(time + lead)
     )

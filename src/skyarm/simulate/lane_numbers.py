@@ -220,7 +220,8 @@ def require_within_queue(scenario: Scenario, columns: Mapping[str, Array]) -> No
             names the path.
     """
     for name, agent in scenario.agents.items():
-        one, longest = scenario.of(name), agent.delays.longest_command
+        one = scenario.of(name)
+        longest = agent.delays.longest_command
         named = {
             word_of(path): path
             for path in columns
@@ -238,19 +239,18 @@ def require_within_queue(scenario: Scenario, columns: Mapping[str, Array]) -> No
             for path in delay_words()
         }
         for path, delay in delays.items():
+            # both wait in one queue, one after the other
             late = delay if path == LATE else delays[LATE] + delay
             if not (delay.min() >= 0.0 and late.max() <= longest):
-                wrong, what = (
-                    named[path if path in varied else varied[0]],
-                    ("" if path == LATE else f" with {LATE}"),
-                )
+                wrong = named[path if path in varied else varied[0]]
+                what = "" if path == LATE else f" with {LATE}"
                 raise ScenarioError(
                     f"values[{wrong!r}]: {path}{what} must be from 0 to {LONGEST} ="
                     f" {longest!r}"
                 )
 
 
-TRIED = 1e-3
+TRIAL_NOISE = 1e-3
 """Noise value allowed by every field, used in trials."""
 
 REFUSALS = (ValueError, ArithmeticError)
@@ -268,7 +268,8 @@ def require_draws(scenario: Scenario, paths: Sequence[str]) -> None:
     for path in paths:
         if (
             word_of(path).startswith("sensors.")
-            and draws_needed(with_numbers(scenario, {path: TRIED})) != drawn
+            # any small number will do: whether noise is there decides, not its size
+            and draws_needed(with_numbers(scenario, {path: TRIAL_NOISE})) != drawn
         ):
             raise ScenarioError(
                 f"paths: {path}: is 0 in this scenario, and a batch draws no numbers"
@@ -288,7 +289,8 @@ class LaneRules:
     """
 
     def __init__(self, scenario: Scenario, paths: Sequence[str]) -> None:
-        self._scenario, self._paths = scenario, tuple(paths)
+        self._scenario = scenario
+        self._paths = tuple(paths)
         self._passed: dict[str, tuple[float, float]] = {}
 
     def require(self, values: Mapping[str, ArrayLike]) -> None:
@@ -313,14 +315,16 @@ class LaneRules:
             )
         least, most = table.argmin(axis=1), table.argmax(axis=1)
         looked_at: dict[int, None] = {}
-        for path, row, first, last in zip(named, table, least, most, strict=True):
+        rows = [*zip(named, table, least, most, strict=True)]
+        for path, row, first, last in rows:
             low, high = self._passed.get(path, (np.inf, -np.inf))
             looked_at |= {
                 int(k): None for k in (first, last) if not low <= row[k] <= high
             }
+        # a scenario is built for each, which takes milliseconds: extremes stand for all
         for k in looked_at:
             self._check_lane(dict(zip(named, table[:, k].tolist(), strict=True)), k)
-        for path, row, first, last in zip(named, table, least, most, strict=True):
+        for path, row, first, last in rows:
             low, high = self._passed.get(path, (np.inf, -np.inf))
             self._passed[path] = (
                 float(min(low, row[first])),
@@ -335,6 +339,7 @@ class LaneRules:
         if words is None:
             return
         for path, value in numbers.items():
+            # the number that is wrong by itself is named, else all together
             alone = self._refusal({path: value})
             if alone is not None:
                 raise ScenarioError(
@@ -380,6 +385,7 @@ def warn_of_measured_limits(scenario: Scenario, paths: Sequence[str]) -> None:
     have those of the scenario.
     """
     for name in scenario.agents:
+        # one limit and one path are enough for a warning
         for limit in measured_paths(scenario, name)[:1]:
             inside = limit.rpartition(".limits.")[0] + ".inner"
             for path in [
@@ -487,6 +493,7 @@ def require_short_steps(
             borne = _stable_step(record, inside, named, scenario.integrator == "euler")
             if borne is not None and borne < shortest:
                 shortest, stiffest = borne, named
+        # 1e-9: the same number may come out of another order of operations
         if stiffest and (largest is None or shortest < largest * (1.0 - 1e-9)):
             compiled = (
                 "steps of any length"
@@ -547,6 +554,7 @@ def _stable_step(
         stated = largest_stable_step(other, euler=euler)
         if stated is None:
             return None
+        # NaN is refused as well
         if not stated > 0.0:
             raise ValueError(f"largest_step = {shown(stated)}: must be above 0")
         return float(stated)

@@ -56,14 +56,18 @@ class _Episode(Session):
         file: ArrayFile | None = None,
         **options: bool,
     ) -> None:
-        self._file, self._window = file, None if file is None else WINDOW
+        self._file = file
+        self._window = None if file is None else WINDOW
         super().__init__(scenario, paths, **options)
 
     def fly(self, stop: int) -> bool:
         """Simulate several control periods, as :meth:`skyarm.Session.fly`; store what
         would be overwritten next.
         """
-        going, engine, file = super().fly(stop), self._engine, self._file
+        going = super().fly(stop)
+        engine = self._engine
+        file = self._file
+        # stored before the flight goes on, which would overwrite the table's rows
         if going and file is not None and engine.full:
             flown = (*self._course.flown, engine.piece)
             try:
@@ -72,6 +76,7 @@ class _Episode(Session):
                     for each in flown
                 )
             except OSError as error:
+                # a full disk ends the flight: what has been flown is still a log
                 engine.ended = Ended(
                     RUNNING, f"log: must be writable ({error.strerror})", self.time
                 )
@@ -112,7 +117,8 @@ def run(
     Raises:
         OSError: the file cannot be written.
     """
-    scenario, folder = as_scenario(scenario), None
+    scenario = as_scenario(scenario)
+    folder = None
     if to is not None:
         require_format(to, "to")
         folder = output_file(os.fspath(to), "to").parent
@@ -158,6 +164,7 @@ def run_until_interrupted(
         interrupted: BaseException | None = None
         try:
             _advance(session, progress)
+        # an error is raised at once; a signal or Ctrl-C leaves the log up to then
         except Exception:
             raise
         except BaseException as error:
@@ -173,6 +180,7 @@ def _new_session(
         warnings.warn(
             f"{session.slow}; flying as Python floats: {SLOWER}",
             SlowFlightWarning,
+            # the line of the user who called run()
             stacklevel=4,
         )
     return session
@@ -184,7 +192,9 @@ def _advance(session: Session, progress: Progress | None) -> None:
         raise ScenarioError(
             f"progress = {shown(progress)}: must be a function of periods flown and all"
         )
-    total, due = session.scenario.steps, 0
+    total = session.scenario.steps
+    due = 0
+    # each report ends a stretch of machine code: a hundred of them cost little
     every = max(1, total // 100)
     while True:
         if progress is not None and session.tick >= due:

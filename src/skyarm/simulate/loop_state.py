@@ -137,15 +137,15 @@ class InputRow(Generic[Wanted_co]):
     """Inputs of the closed loop at a control instant: time and reference.
 
     Of a scenario whose phases wait it is the time alone, a ``GivenRow``; the loop puts
-    the reference there, and ``path_time``. ``told`` is the time-scaled sample that the
-    law receives in its place and ``path_time`` the reference's time, s
+    the reference there, and ``path_time``. ``scaled`` is the time-scaled sample that
+    the law receives in its place and ``path_time`` the reference's time, s
     (:mod:`skyarm.reference.path_time`); both are empty where none is planned:
     structure.
     """
 
     time: Scalar
     reference: Wanted_co
-    told: Reference | tuple[()] = ()
+    scaled: Reference | tuple[()] = ()
     path_time: Scalar | tuple[()] = ()
 
 
@@ -246,6 +246,7 @@ def _carry_agent(new: AgentLoop, old: AgentLoop, clock: Clock) -> AgentLoop:
     as before.
     """
     drives = (
+        # drives have no names: of another number none is known to be the same
         zip(new.drives, old.drives, strict=True)
         if len(new.drives) == len(old.drives)
         else ()
@@ -262,6 +263,7 @@ def _carry_agent(new: AgentLoop, old: AgentLoop, clock: Clock) -> AgentLoop:
 
 
 def _kept(new: Record, old: Record) -> Record:
+    # numbers of another structure mean something else: such a part begins anew
     return new if mismatch(new, old, "memory") else old
 
 

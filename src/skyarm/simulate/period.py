@@ -134,11 +134,14 @@ def measure(
             strict=True,
         )
     ):
-        beside, motion = around.of(i), motions[i]
-        wind, pushes = wind_at(beside, motion), each.pushes(beside, motion, acting[i])
+        beside = around.of(i)
+        motion = motions[i]
+        wind = wind_at(beside, motion)
+        pushes = each.pushes(beside, motion, acting[i])
         read = each.sense(
             loop, now.ticks, forces[i], acting[i], rows[i].time, draws, pushes
         )
+        # a grasp is one of the models of this period, and measured as it is now
         read = each.with_grasp(read, (*own[i], *shared))
         measured.append(AgentHalf(own[i], acting[i], wind, read))
     return FirstHalf(shared, around, tuple(measured))
@@ -160,7 +163,8 @@ def decide(
     """Evaluate the law of every vehicle, and the clock of a reference whose phases
     wait.
     """
-    decided, references = [], stages.law_references(rows, measured.components)
+    decided = []
+    references = stages.law_references(rows, measured.components)
     loops = zip(
         stages.agents, now.agents, measured.agents, rows, references, strict=True
     )
@@ -187,10 +191,13 @@ def act(
     """Apply commands through delay, joint drives and plant; return the loop state after
     the control period.
     """
-    alive, agents, acting = now.alive, list[AgentLoop](), list[Command]()
+    alive = now.alive
+    agents = list[AgentLoop]()
+    acting = list[Command]()
     for each, own, half, law in zip(
         stages.agents, now.agents, measured.agents, decided, strict=True
     ):
+        # one command that is not finite ends the episode of all
         alive, queue, arrived = each.send(alive, own.queue, law.command)
         agents.append(
             AgentLoop(
@@ -205,6 +212,7 @@ def act(
             )
         )
         acting.append(arrived)
+    # the plant takes the drives as they are after this period's setpoints
     around = measured.around.with_drives([each.drives for each in agents])
     before = [half.acting for half in measured.agents]
     states, coupled = plant.advance(
@@ -247,6 +255,7 @@ def make_period(stages: Stages, plant: PlantSteps[State]) -> Period:
             agents=tuple(replace(own, memory=law.memory) for own, law in over),
         )
         sample = _sample(stages, before, measured, decided, following.alive)
+        # the sample stays that of the instant: a log ends with what ended the flight
         return blend(following.alive > 0.5, following, ended), sample
 
     return period
@@ -268,8 +277,10 @@ def make_fleet_period(whole: Stages, substeps: Substeps) -> Period | None:
         another or a model on one alone, where it does not pay, and for code of the
         user's, which may tell vehicles by their names.
     """
-    scenario, agents = whole.scenario, [*whole.scenario.agents.values()]
+    scenario = whole.scenario
+    agents = [*whole.scenario.agents.values()]
     if (
+        # cheap questions first: digests and sources of all vehicles take the longest
         scenario.steps > SHARES * (len(agents) - 3)
         or whole.shared
         or any(model.coupled or getattr(model, "agent", "") for model in whole.own[0])
@@ -297,11 +308,15 @@ def make_fleet_period(whole: Stages, substeps: Substeps) -> Period | None:
     def period(
         before: LoopState, given: GivenRows, uniforms: Uniforms
     ) -> tuple[LoopState, Sample]:
-        flown, draws = list[tuple[LoopState, Sample]](), whole.draws.shares(uniforms)
+        flown = list[tuple[LoopState, Sample]]()
+        draws = whole.draws.shares(uniforms)
         for i, own in enumerate(before.agents):
+            # as the period of one vehicle deals them out: sensors first, then models
             numbers = tuple(chain(*draws.sensors[i], *draws.components[i]))
             record = replace(before, agents=(own,)), given[i : i + 1], numbers
+            # a constant key: within one program there is only this period to share
             flown.append(compiled_once("period", lambda each: one(*each), record))
+        # 1.0 or 0.0 of each: the team is alive while all are
         alive = prod(after.alive for after, _ in flown)
         agents, samples = (
             tuple(each.agent for each in column) for column in zip(*flown, strict=True)

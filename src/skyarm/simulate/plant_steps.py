@@ -62,10 +62,8 @@ class Substeps:
     """
 
     def __init__(self, plant: RigidBodyPlant, *, at_rest: bool = False) -> None:
-        self._count, self.traced = (
-            (plant.steps_at_rest if at_rest else plant.substeps),
-            dict[float, Steps](),
-        )
+        self._count = plant.steps_at_rest if at_rest else plant.substeps
+        self.traced = dict[float, Steps]()
 
     def __call__(self, seconds: float) -> Steps:
         """Return the number of integration steps in an interval of ``seconds``, and
@@ -92,12 +90,11 @@ class RigidBodySteps:
     """
 
     def __init__(self, stages: Stages, substeps: Callable[[float], Steps]) -> None:
-        self._worlds, self._integrator, self._period = (
-            stages.worlds,
-            stages.scenario.integrator,
-            stages.period,
-        )
-        self._substeps, self._late = substeps, [each.arrival for each in stages.agents]
+        self._worlds = stages.worlds
+        self._integrator = stages.scenario.integrator
+        self._period = stages.period
+        self._substeps = substeps
+        self._late = [each.arrival for each in stages.agents]
 
     def proper_accelerations(
         self, states: Sequence[State], commands: Sequence[Command], around: Together
@@ -119,9 +116,11 @@ class RigidBodySteps:
         """States of vehicles and contacts after a control period in which new commands
         arrive.
         """
+        # an impact comes at a control instant, before anything is integrated
         now = after_impacts(self._worlds, states, around), around.coupled_memories()
         left: Scalar = self._period
         for seconds, commands in arrivals(self._late, before, after):
+            # a varied delay may be zero: an integration over nothing is then not taken
             if type(seconds) is not float:
                 now = blend(
                     seconds > 0.0, self._hold(now, commands, around, seconds), now
@@ -135,6 +134,7 @@ class RigidBodySteps:
         self, now: Moved, commands: Sequence[Command], around: Together, seconds: Scalar
     ) -> Moved:
         """States of vehicles and contacts after an interval with constant commands."""
+        # a traced interval may be as long as the period: its steps are those of one
         count = self._substeps(seconds if type(seconds) is float else self._period)
         return hold(
             self._worlds, self._integrator, count, now, commands, around, seconds
@@ -152,7 +152,8 @@ class EpisodeEndedError(Exception):
 
     def __init__(self, agent: str, command: Flat) -> None:
         super().__init__("the episode has ended")
-        self.agent, self.command = agent, command
+        self.agent = agent
+        self.command = command
 
 
 class StagesInPython(Stages):
@@ -182,8 +183,9 @@ class StagesInPython(Stages):
         self, name: str, command: Command | None, given: Scalar | None
     ) -> AgentStages:
         """Stages of one vehicle, whose law is called where it cannot be traced."""
+        calls, example = self._called[name]
         return AgentStagesInPython(
-            self.scenario.of(name), *self._called[name], command, given
+            self.scenario.of(name), calls, example, command, given
         )
 
     def alive(self, now: LoopState, rows: Sequence[InputRow[Reference]]) -> Scalar:
@@ -213,7 +215,8 @@ class AgentStagesInPython(AgentStages):
         given: Scalar | None = None,
     ) -> None:
         super().__init__(scenario, command, given)
-        self._calls, self._example = calls, example
+        self._calls = calls
+        self._example = example
 
     def send(
         self, alive: Scalar, queue: Sequence[Command], command: Command
@@ -240,12 +243,15 @@ class AgentStagesInPython(AgentStages):
         """
         if self.scenario.agent.controller.compiled:
             return super().apply_law(memory, measurement, reference, path_time)
-        inputs, law = (measurement, reference, path_time), super().apply_law
+        inputs = (measurement, reference, path_time)
+        law = super().apply_law
         count = len(leaves((self._example, memory)))
 
         def call(given: Flat, numbers: Flat) -> Flat:
+            # mode 1, a command from outside: the law is not called, so its memory stays
             if given and 0.5 < given[0] < 1.5:
                 return (0.0,) * count
+            # kept outside the program, as it may be any object
             self._calls.memory, command = law(
                 self._calls.memory, *rebuild(inputs, iter(numbers))
             )
@@ -270,6 +276,7 @@ def _graph_of(record: Tree) -> Graph:
     """Computation graph of the traced program to which the scalars of a dataclass
     belong.
     """
+    # one traced number is enough: all of a trace belong to one graph
     return next(leaf.graph for leaf in leaves(record) if isinstance(leaf, Node))
 
 
@@ -293,7 +300,8 @@ class CalledPlant:
     """
 
     def __init__(self, plant: Plant, stages: Stages, around: Together) -> None:
-        self._plant, self._period = plant, stages.period
+        self._plant = plant
+        self._period = stages.period
         self._late = [tuple(map(float, each.arrival)) for each in stages.agents]
         scenario = stages.scenario
         for name, delay in (
@@ -302,16 +310,15 @@ class CalledPlant:
             for name in DELAYS
         ):
             steps = delay * scenario.rates.physics
+            # a delay in decimals is a whole number of steps only up to rounding
             if abs(steps - round(steps)) > 1e-6:
                 raise ScenarioError(
                     f"delays.{name} = {delay!r}: must be a whole number of physics"
                     f" steps on the plant {scenario.kind}"
                 )
         sizes = [each.vehicle.sizes for each in stages.worlds]
-        self._kind, commands = (
-            scenario.kind,
-            tuple(example_command(*each) for each in sizes),
-        )
+        self._kind = scenario.kind
+        commands = tuple(example_command(*each) for each in sizes)
         self._intervals = [
             float(seconds) for seconds, _ in arrivals(self._late, commands, commands)
         ]
@@ -323,10 +330,8 @@ class CalledPlant:
         self._in_force = in_force.flat
         self._end = sum(len(leaves(example_state(*each))) for each in sizes)
         self._several = getattr(plant, "several", False)
-        self._impact, self._coupled = (
-            _impact_of(plant, scenario),
-            coupled_places(self._for_plant(around)),
-        )
+        self._impact = _impact_of(plant, scenario)
+        self._coupled = coupled_places(self._for_plant(around))
         self._turning = any(
             not at_origin(sensor.mounted_at)
             for each in stages.agents
@@ -359,7 +364,8 @@ class CalledPlant:
             leaves(tuple(commands)),
             leaves(self._for_plant(around)),
         ]
-        graph, size = _graph_of(states[0]), 3 * len(states)
+        graph = _graph_of(states[0])
+        size = 3 * len(states)
         forces = graph.external(self._specific_force, groups, size)
         turns = (
             graph.external(self._angular_acceleration, groups, size)
@@ -414,15 +420,14 @@ class CalledPlant:
             around = self._read[1]
         if self._impact is not None:
             state = self._impact(state, around)
-        left, commands = self._period, self._in_force((*before, *after))
+        left = self._period
+        commands = self._in_force((*before, *after))
         for k, seconds in enumerate(self._intervals):
             if seconds > 0.0:
                 command = commands[k * len(before) : (k + 1) * len(before)]
                 numbers = self._hold(state, command, around, seconds)
-                state, around = (
-                    numbers[: self._end],
-                    self._with_memories(around, numbers[self._end :]),
-                )
+                state = numbers[: self._end]
+                around = self._with_memories(around, numbers[self._end :])
             left = left - seconds
         return self._hold(state, after, around, left)
 

@@ -124,12 +124,12 @@ class LoopProgram:
         key: ProgramKey = AS_IT_IS,
         loops: bool = True,
     ) -> None:
-        self.scenario, self.numbers, self.key = scenario, numbers, key
-        self.vary, self._stiffest, self._loops = (
-            vary or (lambda _: scenario),
-            stiffest or scenario,
-            loops,
-        )
+        self.scenario = scenario
+        self.numbers = numbers
+        self.key = key
+        self.vary = vary or (lambda _: scenario)
+        self._stiffest = stiffest or scenario
+        self._loops = loops
 
     @cached_property
     def first(self) -> LoopState:
@@ -144,6 +144,7 @@ class LoopProgram:
     @cached_property
     def plant(self) -> RigidBodyPlant:
         """Plant of the stiffest scenario."""
+        # the first state is only that of the stiffest scenario if they are one
         same = self._stiffest is self.scenario
         return rigid_body_plant(self._stiffest, self.first if same else None)
 
@@ -211,7 +212,10 @@ class LoopProgram:
     def start_draws(self) -> tuple[Scalars, ...]:
         """Uniform numbers that start each environment model, as an example."""
         return tuple(
-            (0.5,) * (2 * count) for _, count in draw_plan(self.scenario).models
+            # two of each, as a model starts from two steps of its channel
+            # (draws.STARTS)
+            (0.5,) * (2 * count)
+            for _, count in draw_plan(self.scenario).models
         )
 
     @cached_property
@@ -231,6 +235,7 @@ class LoopProgram:
             episodes: (flights,), the other key.
         """
         columns = [*numbers]
+        # lanes vary numbers, never models: the channels are those of the scenario
         for draws in start_draws(self.scenario, seed, episodes):
             columns += [*draws.T]
         return evaluate(self._start, columns, len(episodes))

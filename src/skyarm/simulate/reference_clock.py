@@ -56,7 +56,7 @@ T = TypeVar("T")
 
 
 @immutable
-class Seen:
+class GuardInputs:
     """Measured quantities by which the conditions (guards) that end task phases are
     evaluated.
 
@@ -129,14 +129,10 @@ class Waits:
         self._ratio = scenario.rates.control // scenario.rates.reference
         self._vehicle = scenario.agent.model.vehicle
         self._moves = any(guard.early for guard in self.guards)
-        self.switches = tuple(
-            dict.fromkeys(
-                name
-                for guard in self.guards
-                for name in (guard.closed, guard.open)
-                if name
-            )
-        )
+        switches = [
+            each for guard in self.guards for each in (guard.closed, guard.open)
+        ]
+        self.switches = tuple(dict.fromkeys(filter(None, switches)))
         self._sensed = any(guard.sensed for guard in self.guards)
         self._measures = any(guard.distance is not None for guard in self.guards)
         self._terms = tuple(map(self._terms_of, self.guards))
@@ -194,6 +190,7 @@ class Waits:
             return ()
         guard: Scalar = 0.0
         for terms in self._terms:
+            # counted, not searched: the number may be traced, of many lanes at once
             guard = guard + where(ticks > terms.end + WHOLE, 1.0, 0.0)
         return replace(first, place=ticks, held=ticks, guard=guard, waited=BEGUN)
 
@@ -204,17 +201,15 @@ class Waits:
         if not clock or row.reference != ():
             # without a clock the reference is in the row
             return cast("InputRow[Reference]", row)
-        path_time, reference = (
-            self.path_time(clock),
-            self.previewed_reference(clock, ticks),
-        )
+        path_time = self.path_time(clock)
+        reference = self.previewed_reference(clock, ticks)
         # the hand's command is of this period, not of a sample
         if self._trajectory.load is not None:
             reference = replace(
                 reference, load=(self._trajectory.load.derivatives(path_time)[0],)
             )
         return InputRow(
-            time=row.time, reference=reference, told=row.told, path_time=path_time
+            time=row.time, reference=reference, scaled=row.scaled, path_time=path_time
         )
 
     def is_sound(self, clock: Clock) -> Scalar:
@@ -287,7 +282,8 @@ class Waits:
         """Held reference sample with preview samples, which end at the next condition
         (guard) of the task.
         """
-        sample, end = self.held_reference(clock, ticks), self.end(clock)
+        sample = self.held_reference(clock, ticks)
+        end = self.end(clock)
         time, offset = self.instants(self.times(clock, ticks))[0]
         return with_preview(
             sample,
@@ -346,7 +342,7 @@ class Waits:
 
     def guard_inputs(
         self, measurement: Measurement, reference: Reference, force: Vec3 | None
-    ) -> Seen:
+    ) -> GuardInputs:
         """Measured and desired tip position, forces and tactile switches, for
         evaluating conditions (guards).
         """
@@ -356,7 +352,8 @@ class Waits:
             measurement.quaternion,
             measurement.joints,
         )
-        goal, felt = goal_of(self._vehicle, reference).tool, None
+        goal = goal_of(self._vehicle, reference).tool
+        felt = None
         if self._sensed:
             turned = frame_pose(
                 self._vehicle, self._vehicle.frame(), measurement.joints
@@ -365,7 +362,7 @@ class Waits:
                 turned.apply(Vec3(*measurement.tip_force))
             )
         switches = measurement.switches if self.switches else ()
-        return Seen(
+        return GuardInputs(
             tip=tip,
             goal=goal,
             push=reference.push,
@@ -374,19 +371,27 @@ class Waits:
             switches=switches,
         )
 
-    def following(self, clock: PathClock, ticks: Scalar, seen: Seen) -> PathClock:
+    def following(
+        self, clock: PathClock, ticks: Scalar, seen: GuardInputs
+    ) -> PathClock:
         """Evaluate a task phase's condition (guard); return the reference clock a
         period later, advanced or waiting.
         """
-        n, now = clock.guard, self.terms(clock.guard)
+        n = clock.guard
+        now = self.terms(clock.guard)
         there = clock.place >= now.end - WHOLE
+        # a phase begins where the clock reaches it, or where a change takes over in its
+        # middle
         begins = logical_or(
             clock.place <= now.begin + WHOLE, clock.waited < 0.5 * BEGUN
         )
+        # a phase of no length waits at its beginning: its first period alone is fresh
         fresh = logical_and(begins, clock.waited < 0.5)
         origin = (
             blend(fresh, seen.tip, clock.origin) if self._measures else clock.origin
         )
+        # one that may end early is looked at from its second period on, as distances
+        # count from the first
         looks = (
             logical_or(there, logical_and(now.early > 0.5, logical_not(fresh)))
             if self._moves
@@ -397,13 +402,16 @@ class Waits:
             > 0.5
         )
         reached = where(logical_and(looks, holds), clock.reached + 1.0, 0.0)
+        # held for so many periods after the first that met it; 1e-6 of one is rounding
         enough = reached > now.hold + (1.0 - 1e-6)
         late = logical_and(there, clock.waited >= now.timeout - 1e-6)
         passed = logical_or(enough, late)
         failed = logical_and(logical_and(late, logical_not(enough)), now.fails > 0.5)
         number = where(passed, n + 1.0, n)
+        # an early end skips what is left of the phase, by the jump of the offset below
         gone = where(passed, where(there, clock.place, now.end), clock.place) + 1.0
-        offset, since = clock.offset, clock.since
+        offset = clock.offset
+        since = clock.since
         # the reference keeps its position when the rest of a phase is skipped
         if self._moves:
             position = self.reference(
@@ -414,6 +422,7 @@ class Waits:
             )
         return replace(
             self._hold_sample(clock, ticks),
+            # the clock stands still at the end of the next phase that waits
             place=minimum(gone, self.terms(number).end),
             guard=number,
             waited=where(passed, 0.0, where(there, clock.waited + 1.0, 0.0)),
@@ -424,15 +433,15 @@ class Waits:
             since=since,
         )
 
-    def _holds(self, guard: Guard, seen: Seen, origin: Vec3 | tuple[()]) -> Scalar:
+    def _holds(
+        self, guard: Guard, seen: GuardInputs, origin: Vec3 | tuple[()]
+    ) -> Scalar:
         """1.0 if all conditions of a guard are met by the measured quantities, else
         0.0.
         """
         met: list[Scalar] = []
-        direction, force = (
-            Vec3(*map(data, guard.direction)),
-            (seen.felt if guard.sensed else seen.force),
-        )
+        direction = Vec3(*map(data, guard.direction))
+        force = seen.felt if guard.sensed else seen.force
         if guard.error is not None:
             away = counted_error(seen.tip - seen.goal, seen.push, seen.tip)
             met.append(sqrt(away.dot(away)) <= guard.error)
@@ -458,6 +467,7 @@ def _select(n: Scalar, values: Sequence[T]) -> T:
     end.
     """
     element = values[-1]
+    # the last test wins, so the smallest index comes last
     for i in reversed(range(len(values) - 1)):
         element = blend(n < i + 0.5, values[i], element)
     return element
@@ -467,6 +477,7 @@ def due(ticks: Scalar, every: int) -> Scalar:
     """True in every ``every``-th control period; ``ticks`` is the number of the
     period.
     """
+    # half a period, so that rounding of the quotient never loses a multiple
     late = ticks - floor(ticks / float(every) + 0.5 / every) * float(every)
     fresh: Scalar = late < 0.5
     return fresh
@@ -522,5 +533,6 @@ def _clock_of_change(
     if first.clock == () or not (anew or other):
         return ()
     begun = Waits(scenario).begun_at(now.ticks)
+    # lanes that have ended keep the clock that ended them, which names the cause
     clock = begun if other else blend(now.alive > 0.5, begun, own.clock)
     return clock

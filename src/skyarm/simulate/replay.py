@@ -78,6 +78,8 @@ class Inputs:
     late: tuple[Scalar, Scalar]
 
 
+# no cut of LoopProgram: it has neither a scenario nor its sensors, law, delays and
+# random numbers; its lanes differ in inputs, which a PeriodRow gives all lanes alike
 class CommandReplay:
     """Compiled plant model that flies under logged commands.
 
@@ -105,13 +107,16 @@ class CommandReplay:
         sensed: Callable[[Numbers, State, State], Sequence[Scalar]] = lambda *_: (),
         finer: int = 1,
     ) -> None:
-        self.names, self.step = tuple(start), step
+        self.names = tuple(start)
+        self.step = step
         usual = vehicle_of(start)
-        n, rotors = usual.n, len(usual.rotors)
+        n = usual.n
+        rotors = len(usual.rotors)
         drives = drives_of(usual)
         memories = tuple(each.begin(0.0, 0.0, step) for each in drives)
 
         def around(vehicle: Vehicle, given: Inputs, memories: Memories) -> Surroundings:
+            # the joints' share is an int, structure: identification scales thrust alone
             left = Effectiveness(rotors=(given.thrust,) * rotors, joints=(1,) * n)
             push = (given.force, given.torque)
             return Surroundings(
@@ -123,7 +128,8 @@ class CommandReplay:
             )
 
         none = ZERO3_DATA
-        still, late = example_command(n, rotors), (0.0, 0.0)
+        still = example_command(n, rotors)
+        late = (0.0, 0.0)
         self._inputs = Inputs(
             numbers=tuple(start.values()),
             thrust=1.0,
@@ -141,6 +147,7 @@ class CommandReplay:
             "rk4",
         )
         usually = plant.substeps(step)
+        # a search compares steps: it may ask for finer ones than stability needs
         self.substeps = max(finer, usually.near)
         count = usually._replace(near=self.substeps)
 
@@ -157,6 +164,7 @@ class CommandReplay:
                 setpoints,
                 before.joints,
                 before.joint_rates,
+                # there is no drive at all where every joint takes a torque
                 strict=False,
             )
             memories = tuple(
@@ -167,6 +175,8 @@ class CommandReplay:
             beside = Together((around(vehicle, given, memories),))
             now: Moved = (before,), ()
             left: Scalar = step
+            # as in a control period (RigidBodySteps), so that a log is met to its
+            # delays
             for seconds, command in switches(given.before, given.after, *given.late):
                 now = hold(worlds, "rk4", count, now, (command,), beside, seconds)
                 left = left - seconds
@@ -213,24 +223,24 @@ class ReplayedFlights:
         self.memories = stepper.carry[count:]
         self.inputs, _ = _views(inputs, stepper.parameters)
         for part in ("before", "after"):
-            fields, rows = (
-                {
-                    "rotor_speeds": "speeds",
-                    "efforts": "setpoints",
-                },
-                self.inputs.pop(part),
-            )
+            fields = {
+                "rotor_speeds": "speeds",
+                "efforts": "setpoints",
+            }
+            rows = self.inputs.pop(part)
             commands, _ = _views(getattr(inputs, part), rows)
             self.inputs |= {
                 f"{name}_{part}": commands[field] for field, name in fields.items()
             }
         self.logged: Array = stepper.logged
+        # zeros of a new array are no attitude
         self.state["quaternion"][0] = 1.0
         self.inputs["thrust"][:] = 1.0
         self.inputs["numbers"][:] = np.array(inputs.numbers, dtype=float)[:, None]
 
     def step(self) -> None:
         """Simulate one step of all flights."""
+        # inputs are written in place, those of the padding lanes have to follow
         self._stepper.fill()
         self._stepper.step()
 
@@ -243,8 +253,10 @@ def _views(record: Dataclass, rows: Array) -> tuple[dict[str, Array], int]:
     """Views of the array rows that hold each field of a dataclass, by field name, and
     the total number of rows.
     """
-    views, first = dict[str, Array](), 0
+    views = dict[str, Array]()
+    first = 0
     for name in field_names(type(record)) or ():
         last = first + len(leaves(getattr(record, name)))
-        views[name], first = rows[first:last], last
+        views[name] = rows[first:last]
+        first = last
     return views, first

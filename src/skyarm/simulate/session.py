@@ -176,9 +176,7 @@ class Session(FlightInstant):
                 if command is None
                 else self._of_each("command", command, numbers_of_command)
             )
-        if self._course.coming and going:
-            self._apply_due_changes()
-        return going or self._name_cause()
+        return self._goes_on(going)
 
     def _of_each(
         self, field: str, given: object, numbers: Callable[..., tuple[float, ...]]
@@ -187,6 +185,7 @@ class Session(FlightInstant):
         one under its law.
         """
         if len(self._taken) == 1:
+            # an only vehicle's command needs no table with its name
             (taken,) = self._taken.values()
             return [numbers(given, taken)]
         if not isinstance(given, Mapping) or not given.keys() <= self._taken.keys():
@@ -218,7 +217,10 @@ class Session(FlightInstant):
             stop = min(
                 stop, self._course.coming[0].tick(self._course.begun.rates.control)
             )
-        going = self._engine.fly(stop)
+        return self._goes_on(self._engine.fly(stop))
+
+    def _goes_on(self, going: bool) -> bool:
+        """Apply due changes to a flight that goes on, or name the cause of its end."""
         if self._course.coming and going:
             self._apply_due_changes()
         return going or self._name_cause()
@@ -238,12 +240,15 @@ class Session(FlightInstant):
             return False
         # a law that is called may act on things outside: it is not called again
         if self.scenario.is_compiled and ended.cause.endswith("is not finite"):
+            # flown anew, as the state of the last sound period is not kept
             again = type(self)(self.plan, machine_code=self._programs.machine_code)
-            before, again.returns = again._engine, False
+            before = again._engine
+            again.returns = False
             now = before.now
             # a number may be on its way for some periods, as in a sensor's delay
             while again.tick < self.tick and again.step() and not again._engine.has_nan:
-                before, now = again._engine, again.now
+                before = again._engine
+                now = again.now
             if line := first_not_finite(lambda: before.evaluate(before.evaluate(now))):
                 engine.ended = replace(ended, cause=f"{ended.cause}; first in {line}")
         return False
@@ -265,6 +270,7 @@ class Session(FlightInstant):
             engine.ended or running_status(self._course.now, engine.tick),
         )
         if engine.from_outside < engine.tick:
+            # a team's log has the mark in each vehicle's, which may be saved alone
             for each in (log, *getattr(log, "agents", {}).values()):
                 each.info["commanded"] = True
         return log
@@ -359,6 +365,7 @@ class Session(FlightInstant):
             )
             engine.take_over(self._engine, anew=anew)
             self._engine = engine
+        # last: whatever was refused above leaves the session as it was
         self._course = course
         self._taken = course.command_ranges
 

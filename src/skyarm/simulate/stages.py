@@ -46,7 +46,7 @@ from skyarm.sensing.estimate.estimator import FULL_STATE
 from skyarm.sensing.measurement import Measurement
 from skyarm.sensing.sensor import NO_PUSH, Push, specific_force_at
 from skyarm.sensing.sensor_kinds import ForceReading, SwitchReading
-from skyarm.simulate.check_endings import healthy
+from skyarm.simulate.check_endings import both_hold, healthy
 from skyarm.simulate.command_delay import (
     command_delay,
     command_in_force,
@@ -111,10 +111,14 @@ class Stages:
         commands: Sequence[Command] = (),
         given: Sequence[Scalar] = (),
     ) -> None:
-        self.scenario, self.period = scenario, scenario.rates.period
+        self.scenario = scenario
+        self.period = scenario.rates.period
         self.worlds = tuple(each.plant for each in scenario.agents.values())
         self.own = tuple(map(scenario.own_components, scenario.agents.values()))
-        self.shared, self.draws = scenario.shared_components, draw_plan(scenario)
+        self.shared = scenario.shared_components
+        self.draws = draw_plan(scenario)
+        # the motion of all vehicles costs operations: it is computed for models with
+        # events alone
         self._eventful = any(
             map(_acts, (*self.shared, *(each for some in self.own for each in some)))
         )
@@ -152,7 +156,8 @@ class Stages:
                 fine, healthy(each.scenario, loop.state, row.reference.position)
             )
             sound = each.waits.is_sound(loop.clock)
-            fine = fine if sound is True else logical_and(fine, sound)
+            # without guards the clock is sound for certain: no operation is added
+            fine = both_hold(fine, sound)
         return where(fine, 1.0, 0.0)
 
     def surround(
@@ -164,11 +169,9 @@ class Stages:
             Internal states of each vehicle's own models and of the shared ones, and the
             plant's inputs.
         """
-        draws, time, first = (
-            self.draws.shares(uniforms),
-            rows[0].time,
-            now.agents[0].state,
-        )
+        draws = self.draws.shares(uniforms)
+        time = rows[0].time
+        first = now.agents[0].state
         own = [
             self._advance_models(models, loop.components, time, loop.state, numbers)
             for models, loop, numbers in zip(
@@ -178,12 +181,16 @@ class Stages:
         for each, loop, models, memories in zip(
             self.agents, now.agents, self.own, own, strict=True
         ):
+            # a battery is loaded by the command in force, as this period's arrives
+            # later in it
             speeds = each.acting(loop.queue).rotor_speeds
             pairs = zip(models, memories, strict=True)
             memories[:] = [
                 model.supply(memory, self.period, loop.state, speeds)
                 for model, memory in pairs
             ]
+        # a model that all share stands at no vehicle; it is given the state of the
+        # first
         shared = self._advance_models(
             self.shared, now.components, time, first, draws.shared
         )
@@ -194,7 +201,8 @@ class Stages:
                 tuple(self.scenario.agents),
             )
             for each, motion, row in zip(self.agents, motions, rows, strict=True):
-                motion.task_time, motion.time = each.waits.task_time(row), time
+                motion.task_time = each.waits.task_time(row)
+                motion.time = time
                 motion.solids = self.scenario.environment.solids
             for each, motion, models, memories in zip(
                 self.agents, motions, self.own, own, strict=True
@@ -251,10 +259,10 @@ class Stages:
         team = self.scenario.team
         for i, each in enumerate(self.shared):
             if each is team:
-                contact, touching = (
-                    cast("Contact", self.shared[-1]),
-                    cast("ContactMemory", shared[-1]),
-                )
+                # the contact model is the last of the shared ones
+                # (Scenario.placed_shared)
+                contact = cast("Contact", self.shared[-1])
+                touching = cast("ContactMemory", shared[-1])
                 rows = zip(motion.agents, now.agents, strict=True)
                 borne = {
                     name: self._borne(name, loop, motion.agents[name], team.steers)
@@ -266,13 +274,14 @@ class Stages:
                 )
 
     def _borne(
-        self, name: str, loop: AgentLoop, motion: PointMotion, told: bool
+        self, name: str, loop: AgentLoop, motion: PointMotion, steers: bool
     ) -> Borne:
-        """Load at a tip as the vehicle's law estimates it; of one that is ``told``
-        nothing, limits alone, for logs.
+        """Load at a tip as the vehicle's law estimates it; limits alone, for logs,
+        where the team steers by none.
         """
         found = part_of(loop.memory, "carrying")
-        if is_record(found) and told:
+        # a law without such an estimate has none of the carried body to hand on
+        if is_record(found) and steers:
             return cast("Borne", found)
         from skyarm.world.team import NothingBorne
 
@@ -285,13 +294,10 @@ class Stages:
         self, rows: Sequence[InputRow[Reference]], shared: Memories
     ) -> list[Reference]:
         """Reference that each law receives, with the instructions of a team's law."""
-        given, team = (
-            [
-                each.law_reference(row)
-                for each, row in zip(self.agents, rows, strict=True)
-            ],
-            self.scenario.team,
-        )
+        given = [
+            each.law_reference(row) for each, row in zip(self.agents, rows, strict=True)
+        ]
+        team = self.scenario.team
         for model, memory in zip(self.shared, shared, strict=True):
             if model is team:
                 instructions = team.instructions(cast("TeamMemory", memory))
@@ -382,8 +388,11 @@ class AgentStages:
         command: Command | None = None,
         given: Scalar | None = None,
     ) -> None:
-        self.scenario, self._command, self._given = scenario, command, given
-        self.period, own = scenario.rates.period, scenario.agent
+        self.scenario = scenario
+        self._command = command
+        self._given = given
+        self.period = scenario.rates.period
+        own = scenario.agent
         self.sensors = own.all_sensors
         self.waits = Waits(scenario)
         self._law = checked_law(own.controller)
@@ -429,6 +438,7 @@ class AgentStages:
         frames = [
             sensor.feels for _, sensor in self.sensors if sensor.feels is not None
         ]
+        # they take a forward dynamics more: only where a force sensor reads them
         loads = (
             load_wrenches(self.scenario.agent.plant.loads, around, motion, acting)
             if frames
@@ -454,7 +464,7 @@ class AgentStages:
         """Reference that the law receives: time-scaled where planned; the initial pose
         until tracking starts.
         """
-        return joined_reference(self.scenario, row.told or row.reference, row.time)
+        return joined_reference(self.scenario, row.scaled or row.reference, row.time)
 
     def sense(
         self,
@@ -472,11 +482,14 @@ class AgentStages:
         The reading of a force sensor on the tip's link is added to the law's
         measurement.
         """
-        going, arrived, state = [], dict[str, Tree](), own.state
+        going = []
+        arrived = dict[str, Tree]()
+        state = own.state
         feeling = [
             i for i, (_, sensor) in enumerate(self.sensors) if sensor.feels is not None
         ]
         felt = dict(zip(feeling, pushes, strict=True))
+        # in the order of Draws.shares, which deals out the random numbers by position
         for i, ((name, sensor), now) in enumerate(
             zip(self.sensors, own.sensors, strict=True)
         ):
@@ -489,10 +502,8 @@ class AgentStages:
             last: Tree = ()
             if every > 1:
                 now_due = due(ticks, every)
-                memory, reading = (
-                    blend(now_due, memory, now.memory),
-                    blend(now_due, reading, now.held),
-                )
+                memory = blend(now_due, memory, now.memory)
+                reading = blend(now_due, reading, now.held)
                 last = reading
             # until the first reading has arrived the estimator sees that one
             seen = (*(blend(ticks < 0.5, reading, old) for old in now.waiting), reading)
@@ -531,16 +542,15 @@ class AgentStages:
         """
         if not self._awaits_load:
             return read
-        tip, each_memory = (
-            self.scenario.agent.vehicle.end_effector,
-            zip(self._models, memories, strict=True),
-        )
+        tip = self.scenario.agent.vehicle.end_effector
+        each_memory = zip(self._models, memories, strict=True)
         (name,) = self.scenario.agents
         reports = [
             report
             for each, memory in each_memory
             for report in each.holds(memory, tip, name)
         ]
+        # several grippers may stand at one tip: it holds once any of them does
         holds = (functools.reduce(maximum, reports),) if reports else ()
         return replace(read, measurement=replace(read.measurement, holds=holds))
 
@@ -554,10 +564,9 @@ class AgentStages:
         """Evaluate the law, or take the user's command in its place, which leaves the
         law's state unchanged.
         """
-        controller, vehicle = (
-            self.scenario.agent.controller,
-            self.scenario.agent.vehicle,
-        )
+        controller = self.scenario.agent.controller
+        vehicle = self.scenario.agent.vehicle
+        # always the user's: the law is not even traced, which shortens the program
         if self._command is not None and self._given is None:
             return memory, with_rest(vehicle, self._command)
 
@@ -576,11 +585,15 @@ class AgentStages:
             )
 
         given = memory, measurement, reference, self._command, self._given
+        # what a payload adds at a path time is a traced number, no constant of shared
+        # code
         loads_change = (
             self.waits.with_task_loads(controller.par, path_time) is not controller.par
         )
         if not self.scenario.others or not controller.compiled or loads_change:
             return choose(given)
+        # laws of equal functions and constants share code, though partial made them
+        # anew
         functions, constants = bound_by(controller.law)
         constants = (controller.par, controller.name, vehicle, *constants)
         return compiled_once((functions, self.period), choose, given, constants)
@@ -606,6 +619,7 @@ class AgentStages:
         command that now acts.
         """
         going = alive > 0.5
+        # NaN compares false, so that this one comparison refuses it as it does infinity
         for value in (*command.rotor_speeds, *command.efforts, *command.tilts):
             going = logical_and(going, absolute(value) < float("inf"))
         # the log has what the law computed, motors do what they can
@@ -656,18 +670,18 @@ def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Refe
     Costs nothing where the law follows from the first instant. Structural numbers stay:
     they do not move.
     """
+    # an int 0 is structure; a float may be another in the next lane
     if same(scenario.agent.tracking_start, 0):
         return going
-    still, resting = (
-        scenario.agent.law_reference.at(0.0),
-        time < scenario.agent.tracking_start,
-    )
+    still = scenario.agent.law_reference.at(0.0)
+    resting = time < scenario.agent.tracking_start
     resting_samples = tuple(
         n for value, _, _ in samples(still) for n in (value, 0.0, 0.0)
     )
     values: list[Scalar] = []
     for name, moving in parts(going).items():
-        rest, several = getattr(still, name), isinstance(moving, (Vec3, tuple))
+        rest = getattr(still, name)
+        several = isinstance(moving, (Vec3, tuple))
         numbers = tuple(moving) if several else (moving,)
         if name in POSES:
             pose = tuple(rest) if several else (rest,)
@@ -714,6 +728,7 @@ def load_wrenches(
     forces = dynamics.load_forces(vehicle, loads, motion.state, base, joints)
     return tuple(
         Wrench(
+            # the load pushes back with the opposite of the force that moves it
             force_W=-motion.to_world(each.force, link),
             torque_W=-motion.to_world(each.torque, link),
             body=link,
@@ -767,6 +782,7 @@ def beyond(vehicle: Vehicle, link: int) -> set[int]:
     """Indices of a link and of all links that it carries; for the base, of all
     links.
     """
+    # parents come before their children, so that one pass finds them all
     links = {link}
     if link == BASE:
         return {BASE, *range(len(vehicle.moving))}

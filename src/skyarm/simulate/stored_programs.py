@@ -70,6 +70,7 @@ def program_name(scenario: Scenario, *details: object) -> str:
     content = json.dumps([plain(scenario), details])
     if "<lambda>" in content:  # two of one place have one name
         return ""
+    # numbers that NumPy's linear algebra has made are constants of a program
     variables = sorted(
         each for each in os.environ.items() if each[0].startswith(ALGEBRA)
     )
@@ -137,9 +138,13 @@ def store_program(name: str, program: FlightProgram) -> None:
     if name:
         loop = program.loop
         shape = replace(
-            loop, program=Lowered((), (), ()), result=((), structure_of(loop.result[1]))
+            # machine code is what flies: the operations would be most of the file
+            loop,
+            program=Lowered((), (), ()),
+            result=((), structure_of(loop.result[1])),
         )
         object_cache.store(
             name,
+            # level 1, the fastest, as a command waits for it
             zlib.compress(json.dumps(plain(replace(program, loop=shape))).encode(), 1),
         )

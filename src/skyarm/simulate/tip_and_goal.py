@@ -22,6 +22,7 @@ def tip_at(
     """Tip position (m), world axes, from base position, attitude and joint
     positions.
     """
+    # without a tip the metrics of the tip are those of the base
     if not vehicle.end_effector:
         return position
     tip = frame_pose(vehicle, vehicle.frame(), joints).p

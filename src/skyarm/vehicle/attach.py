@@ -66,12 +66,15 @@ def place_in(bodies: RigidBodies, name: str, field: str) -> Frame:
     for frame in bodies.frames:
         if frame.name == name:
             return frame
+    # "base" twice would confuse, so the airframe's own root name is not listed
     allowed = ["base", *names, *(frame.name for frame in bodies.frames)]
     refuse(field, name, f"must be one of {', '.join(allowed)}")
 
 
 def posed_in(frame: Frame, R: Mat3, p: Vec3, name: str = "") -> Frame:
     """Frame with a given pose (m) relative to another frame of the same moving body."""
+    # rounded again, because products of exact rotations leave entries of 1e-17 that
+    # would not fold away
     position = description.vector(frame.position + frame.rotation.apply(p))
     return Frame(
         name=name,
@@ -104,9 +107,11 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
         mount.rotation,
         mount.position,
     )
+    # a pose of the root in its own file counts only where an airframe carries it
     if arm.pose != (Mat3.identity(), ZERO3):
         seat = posed_in(seat, *arm.pose)
     named = _with_prefix(arm, mount.prefix)
+    # a root called "base" keeps no frame: that name is the airframe's in the result
     root = [] if named.root == "base" else [replace(seat, name=named.root)]
     _require_new_names(airframe, named, [frame.name for frame in root], mount)
     first = len(airframe.links)
@@ -129,6 +134,7 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
         )
 
     load = named.base.transform(seat.rotation, seat.position)
+    # only the mass of the root merges; bodies of moving links keep their own axes
     base, links = airframe.base, list(airframe.links)
     of_joints: dict[str, Any] = {
         word: {**getattr(airframe, word), **getattr(named, word)} for word in OF_JOINTS
@@ -216,6 +222,7 @@ def _require_new_names(
     doubles += [
         ("frame", name)
         for name in (*root, *(f.name for f in arm.frames))
+        # every description calls its base "base", so that name is no clash
         if name in taken - {"base"}
     ]
     doubles += [
@@ -250,6 +257,7 @@ class Mimic:
         """Value of a following joint while its leader is at zero, or at the limit
         nearest to zero.
         """
+        # a leader rests at zero, or as near to it as its limits allow
         return self.ratio * min(max(0.0, lower), upper) + self.offset
 
 
@@ -286,6 +294,8 @@ def couple(
     """
     if not mimics:
         return tuple(links), (), tuple(frames)
+    # chains are resolved first, so that each follower has an independent joint as its
+    # leader
     whole = {
         link.joint.name: resolve(link.joint.name, mimics, links)
         for link in links
@@ -293,14 +303,19 @@ def couple(
     }
     free = [i for i, link in enumerate(links) if link.joint.name not in whole]
     tied = [i for i, link in enumerate(links) if link.joint.name in whole]
+    # followers come after all links, as their indices in a vehicle do
     place = {old: new for new, old in enumerate([*free, *tied])} | {-1: -1}
     joints = {links[i].joint.name: links[i].joint for i in free}
     followers = []
     for i in tied:
         mimic, joint = whole[links[i].joint.name], links[i].joint
         joints[mimic.joint] = _narrow_range(
-            _with_friction(joints[mimic.joint], joint, mimic.ratio), joint, mimic
+            # friction first: the range is narrowed on the joint that already carries it
+            _with_friction(joints[mimic.joint], joint, mimic.ratio),
+            joint,
+            mimic,
         )
+        # an int of 0 is structure: the follower's joint adds no term to compiled code
         nothing: dict[str, Any] = dict.fromkeys(PLAIN, 0)
         plain = replace(joint, **nothing)
         link = replace(links[i], parent=place[links[i].parent], joint=plain)
@@ -317,6 +332,8 @@ def couple(
         )
     independent = []
     for i in free:
+        # a link's parent must be independent, because followers are placed after the
+        # links
         if place[links[i].parent] >= len(free):
             name = links[links[i].parent].name
             refuse(
@@ -341,8 +358,11 @@ def follow(name: str, mimics: Mapping[str, Mimic]) -> Mimic:
     Raises:
         VehicleError: the chain is a ring.
     """
-    passed, ratio, offset = [name], 1.0, 0.0
+    passed = [name]
+    ratio = 1.0
+    offset = 0.0
     while (mimic := mimics.get(passed[-1])) is not None:
+        # offset before the new ratio: q = ratio (ratio' q' + offset') + offset
         ratio, offset = ratio * mimic.ratio, offset + ratio * mimic.offset
         if mimic.joint in passed:
             refuse(
@@ -379,6 +399,8 @@ def _with_friction(leader: Joint, follower: Joint, ratio: float) -> Joint:
     """Leader joint to which a follower's friction and armature are added."""
     values: dict[str, Any] = {}
     for name, by in (
+        # power at equal rates: torque times ratio at the leader, rate times ratio,
+        # hence the square
         ("damping", ratio * ratio),
         ("armature", ratio * ratio),
         ("coulomb", abs(ratio)),
@@ -395,14 +417,17 @@ def _range_of_leader(
     """Range of a leader joint that satisfies the limits of leader and follower; None if
     the range is empty.
     """
+    # traced numbers cannot be compared, so the leader keeps its limits
     if not concrete(
         leader.lower, leader.upper, follower.lower, follower.upper, ratio, offset
     ):
         return leader.lower, leader.upper
+    # a negative ratio swaps the two ends
     first, last = sorted(
         ((follower.lower - offset) / ratio, (follower.upper - offset) / ratio)
     )
     low, high = max(leader.lower, first), min(leader.upper, last)
+    # an empty range is a mistake of the file, which must not lock the leader
     return (low, high) if low < high else None
 
 
@@ -481,9 +506,12 @@ class RigidBodies:
         Raises:
             VehicleError: one line with field, value, what is allowed and the cure.
         """
+        # the first fault is shown, with the joints of all: one edit cures the file
         for fault in self.faults:
             names = sorted(
                 {
+                    # a follower is held through its leader, so the leader's name is
+                    # what the user needs
                     follow(each, self.mimics).joint
                     for joints in self.faults.values()
                     for each in joints
@@ -504,6 +532,8 @@ class RigidBodies:
         Raises:
             VehicleError: one line with field, value, what is allowed and the cure.
         """
+        # negative moments pass here: the check of the inertia itself has the better
+        # message
         mass, least = float(self.base.mass), principal_moments(self.base.inertia)[0]
         if mass == 0.0 or 0.0 <= least < NOISE:
             field, value, lacks = (
@@ -597,6 +627,7 @@ class BodyTree:
             replace(link, body=body)
             for link, body in zip(self.links, bodies, strict=True)
         )
+        # joints that are locked became frames, and only moving ones may follow
         moving = {link.joint.name for link in links} if coupled else ()
         return RigidBodies(
             name=name,

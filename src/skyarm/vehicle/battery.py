@@ -186,6 +186,8 @@ class Battery:
         Zero for an empty battery, which is cut off.
         """
         idle = self.open_circuit_voltage(charge)
+        # the larger root, on which a light load barely sags; beyond peak power V_0 / 2
+        # is left
         under_load = 0.5 * (
             idle + sqrt(maximum(idle * idle - 4.0 * self.resistance * power, 0.0))
         )
@@ -196,10 +198,12 @@ class Battery:
         for a time (s).
         """
         voltage = self.voltage(charge, power)
+        # peak power is at half the voltage, where the current is V_0 / 2 R
         most = divide(
             0.5 * self.open_circuit_voltage(charge),
             maximum(self.resistance, NO_RESISTANCE),
         )
+        # any positive divisor will do for an empty pack, whose charge is zero anyway
         current = minimum(divide(power, where(voltage > 0.0, voltage, 1.0)), most)
         return self.drain(charge, voltage, current, seconds)
 
@@ -235,6 +239,7 @@ class Battery:
         """
         idle = self.open_circuit_voltage(charge)
         half = 0.5 * idle
+        # the stable root of the falling load is below V_0 / 2
         now = minimum(before, half)
         resistance = maximum(self.resistance, NO_RESISTANCE)
         asked = resistance * maximum(load(now), NO_POWER)
@@ -267,6 +272,8 @@ def rotor_power(
         if rotor.table is not None and rotor.table.current:
             total = add(total, rotor.table.current_at(speed) * voltage)
             continue
+        # torque of the table without a current: the drag torque's power over the
+        # efficiency
         square = speed * speed if rotor.table is None else rotor.table.twist(speed)
         torque = mul(mul(rotor.thrust_coefficient, rotor.moment_coefficient), square)
         total = add(total, divide(mul(torque, absolute(speed)), efficiency))

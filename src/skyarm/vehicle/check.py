@@ -7,7 +7,7 @@ reader that knows it. :class:`skyarm.vehicle.Vehicle` checks itself as a whole.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, NoReturn
 
@@ -79,9 +79,11 @@ def inertia(field: str, inertia_com: Sym3, *, planar: bool, least: float = 0.0) 
         planar: True for a planar model, which obeys no triangle inequality.
         least: kg m^2; all moments of a solid body are larger.
     """
+    # plain numbers only: a batch or a trace is checked where its numbers become known
     if not concrete(*inertia_com.entries):
         return
     moments = principal_moments(inertia_com)
+    # 1e-300 keeps the slack of a point mass above zero without widening it
     slack = TOLERANCE * max(*map(abs, moments), 1e-300)
     shown = f"principal moments {', '.join(f'{m:.6g}' for m in moments)}"
     if moments[0] < -slack:
@@ -92,6 +94,8 @@ def inertia(field: str, inertia_com: Sym3, *, planar: bool, least: float = 0.0) 
             shown,
             f"must leave no axis without inertia: at least {least:g} kg m^2 about each",
         )
+    # between zero and rounding no solver can tell an axis without inertia from one with
+    # it
     if 0.0 < moments[2] < NOISE:
         refuse(field, shown, f"must be 0 or at least {NOISE:g} kg m^2")
     if not planar and moments[0] + moments[1] < moments[2] - slack:
@@ -113,7 +117,11 @@ def nearest_inertia(inertia: Sym3) -> Sym3:
     the same axes.
     """
     given = np.array(inertia.full().rows, float)
+    # J = tr(S) I - S: an inertia is physical if and only if its second moments S have
+    # no negative eigenvalue
     values, axes = np.linalg.eigh(0.5 * np.trace(given) * np.eye(3) - given)
+    # clipping the eigenvalues gives the nearest positive semi-definite matrix in the
+    # Frobenius norm
     second = (axes * np.maximum(values, 0.0)) @ axes.T
     found = np.trace(second) * np.eye(3) - second
     # products that were zero stay structure
@@ -143,7 +151,7 @@ def principal_moments(inertia_com: Sym3) -> list[float]:
     return moments
 
 
-def unused_name(name: str, taken: Sequence[str]) -> str:
+def unused_name(name: str, taken: Collection[str]) -> str:
     """Unique name: the given one, with underscores appended if it is taken."""
     while name in taken:
         name += "_"

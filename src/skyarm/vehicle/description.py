@@ -49,6 +49,7 @@ def unit_axis(field: str, numbers: Iterable[Any]) -> Vec3:
             values,
             "must have a direction (three finite numbers, not all zero; any length)",
         )
+    # dividing by 1 +- 1e-16 would turn the exact ones of an axis into other numbers
     if abs(length - 1.0) <= ROUNDING:
         length = 1.0
     return Vec3.from_numbers([value / length for value in values])
@@ -83,6 +84,8 @@ def unit_quaternion(R: Mat3) -> list[float]:
     Source: Shepperd 1978, Quaternion from rotation matrix: by the largest of the four
     components.
     """
+    # the largest row loses the fewest digits; its sign is free, as q and -q are one
+    # rotation
     row = max(quaternion_products(R.rows), key=lambda each: math.hypot(*each))
     return [float(each) / math.hypot(*row) for each in row]
 
@@ -111,12 +114,10 @@ def quaternion_products(R: Any) -> list[list[Any]]:
     """
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R
     a, b, c, d, e, f = zy - yz, xz - zx, yx - xy, yx + xy, xz + zx, zy + yz
-    w, x, y, z = (
-        1.0 + xx + yy + zz,
-        1.0 + xx - yy - zz,
-        1.0 - xx + yy - zz,
-        1.0 - xx - yy + zz,
-    )
+    w = 1.0 + xx + yy + zz
+    x = 1.0 + xx - yy - zz
+    y = 1.0 - xx + yy - zz
+    z = 1.0 - xx - yy + zz
     return [[w, a, b, c], [a, x, d, e], [b, d, y, f], [c, e, f, z]]
 
 
@@ -164,6 +165,8 @@ def tree_order(parents: Mapping[str, str], root: str, field: str) -> list[str]:
                 must_be_one_of([each for each in children if each != name], parent),
             )
         children[parent].append(index)
+    # Kahn's order with a heap: the earliest link of the file whose parent stands is
+    # next
     order: list[str] = []
     ready = list(children[root])  # in the order of the file, so a heap
     while ready:

@@ -31,14 +31,17 @@ def hold_joints(bodies: RigidBodies, values: Mapping[str, float]) -> RigidBodies
         return bodies
     held = dict(values)
     for name in bodies.mimics:
+        # a follower that the file holds by a value of its own keeps that one
         leader = follow(name, bodies.mimics)
         if leader.joint in values:
             held.setdefault(name, leader.ratio * values[leader.joint] + leader.offset)
-    tree, seats = BodyTree({}, Notes()), {BASE: at_origin()}
+    tree = BodyTree({}, Notes())
+    seats = {BASE: at_origin()}
     tree.add_body(BASE, bodies.base)
     for index, link in enumerate(bodies.links):
         joint, body = link.joint, link.body
         at = posed_in(seats[link.parent], joint.rotation, joint.position)
+        # the held link's mass joins the nearest body that still moves
         if joint.name in held:
             seat = posed_in(
                 at, *held_pose(joint.kind, joint.axis, held[joint.name]), link.name
@@ -66,6 +69,7 @@ def hold_joints(bodies: RigidBodies, values: Mapping[str, float]) -> RigidBodies
         mimics={name: each for name, each in bodies.mimics.items() if name not in held},
         drives={name: each for name, each in bodies.drives.items() if name not in held},
         faults={
+            # a fault stays as long as one of its joints is free
             fault: joints - held.keys()
             for fault, joints in bodies.faults.items()
             if joints - held.keys()

@@ -21,6 +21,7 @@ def excess(moments: Sequence[float]) -> float:
     largest; at most 0 for a real body.
     """
     a, b, c = sorted(moments)
+    # a body without inertia violates nothing
     return (c - a - b) / c if c > 0.0 else 0.0
 
 
@@ -46,12 +47,14 @@ def _checked_body(name: str, body: Body, most: float, notes: list[str]) -> Body:
     """Body whose inertia, if no more than ``most`` beyond physical consistency, is
     repaired; notes tell the change.
     """
+    # infinite entries are refused later, with the field's name
     if body.planar or not all(
         math.isfinite(float(entry)) for entry in body.inertia.entries
     ):
         return body
     moments = principal_moments(body.inertia)
     beyond = moments[2] - moments[0] - moments[1]
+    # rounding is cleaned without asking; beyond it only what looks like a density error
     if beyond <= TOLERANCE * max(map(abs, moments)) or (
         beyond > NOISE and not 0.0 < excess(moments) <= most
     ):

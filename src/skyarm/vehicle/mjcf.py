@@ -34,7 +34,7 @@ from skyarm.vehicle.attach import (
     posed_in,
     with_pose,
 )
-from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.check import VehicleError, refuse, unused_name
 from skyarm.vehicle.linkage import Body, Joint
 from skyarm.vehicle.mjcf_actuators import (
     AT_JOINT,
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from mujoco import MjData, MjModel
 
 
-class _Tree(BodyTree):
+class _MujocoTree(BodyTree):
     """Kinematic tree of a compiled MuJoCo model, with the frame of each of its bodies.
 
     Attributes:
@@ -73,18 +73,13 @@ class _Tree(BodyTree):
         self.sites: dict[str, str] = {}
         self.named = {name_of(model, "body", body) for body in range(1, model.nbody)}
 
+    # MuJoCo lets a site, a body and a joint share a name; frames and links here may not
     def unique(self, name: str) -> str:
         """Unique name, with underscores appended where needed: MuJoCo has separate
         names for each kind of element.
         """
-        taken = (
-            {frame.name for frame in self.frames}
-            | {link.name for link in self.links}
-            | self.named
-        )
-        while name in taken:
-            name += "_"
-        return name
+        frames = (each.name for each in self.frames)
+        return unused_name(name, {*self.named, *frames, *(k.name for k in self.links)})
 
 
 def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
@@ -102,6 +97,7 @@ def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
     notes = Notes()
     model = _compile(path, notes)
     _read_option(model, notes)
+    # before the root is read: a disabled actuator must not make a body look driven
     root, left_out = _root(model, base, notes)
     faults = require_supported(model, root, notes)
     for body in left_out:
@@ -110,14 +106,17 @@ def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
             name_of(model, "body", body),
             "part",
         )
-    tree = _Tree(model, mimic == "couple", notes)
+    tree = _MujocoTree(model, mimic == "couple", notes)
     tree.seats[root] = at_origin()
     rotors = rotors_in(
+        # rotors first, because their joints and sites are left out of the notes on the
+        # tree
         RotorFile(path, MujocoVehicle(model, _at_rest(model, root), root, notes))
     )
     tree.of_rotors = {name for each in rotors for name in (each.joint, each.tilt_joint)}
     tree.carrying = {each.link for each in rotors}
     _read_body(tree, root)
+    # parents have lower numbers than their children in MuJoCo's models
     for body in range(1, model.nbody):
         if (
             body != root
@@ -137,11 +136,9 @@ def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
     )
     drives = read_drives(model, driven, tree.mimics, notes)
     pose = (Mat3.identity(), ZERO3)
+    # a fixed base stands in the world where its file put it; a free one starts anywhere
     if root and not _joints(model, root):
-        pose = (
-            _rotation(model.body_quat[root]),
-            description.vector(model.body_pos[root]),
-        )
+        pose = _pose_of(model, "body", root)
     movable = {link.joint.name for link in tree.links} | tree.balls
     # the others are fixed
     acting = {
@@ -184,10 +181,13 @@ def _compile(path: Path, notes: Notes) -> MjModel:
     """
     root = read_xml(path, notes.add)
     require_root(root, "mujoco")
+    # MuJoCo would take NaN for "not stated" without a word
     _require_finite(root)
     import mujoco
 
-    usual, warnings = mujoco.get_mju_user_warning(), list[str]()
+    # MuJoCo reports NaN in included files only through its global warning handler
+    usual = mujoco.get_mju_user_warning()
+    warnings = list[str]()
     mujoco.set_mju_user_warning(warnings.append)
     try:
         str(path).encode()
@@ -237,6 +237,8 @@ def _read_option(model: MjModel, notes: Notes) -> None:
             " along -z"
         )
     for actuator, group in enumerate(model.actuator_group.tolist()):
+        # MuJoCo's option has a bit for each of the groups 0 to 30; others cannot be
+        # disabled
         if group in range(31) and model.opt.disableactuator >> group & 1:
             notes.add(
                 "of a group that the option disables: left out",
@@ -286,6 +288,8 @@ def _root(model: MjModel, wanted: str, notes: Notes) -> tuple[int, list[int]]:
         if model.body_subtreemass[body] and model.body_mocapid[body] < 0
     ]
     chosen = (
+        # what floats is the vehicle; else what moves; else what weighs; else all that
+        # is there
         [body for body in top if top[body] == wanted]
         if wanted
         else free or moving or heavy or list(top)
@@ -308,6 +312,7 @@ def _root(model: MjModel, wanted: str, notes: Notes) -> tuple[int, list[int]]:
     if len(chosen) > 1:
         notes.add(f"together on the world, which is the base; {cure}")
         return 0, []
+    # a root on a hinge is moved by the world, so the world is the base
     root = (
         chosen[0]
         if chosen and (chosen[0] in free or not _joints(model, chosen[0]))
@@ -330,6 +335,7 @@ def _is_free(model: MjModel, body: int) -> bool:
     kinds = np.array([kind_of(model, joint) for joint in joints])
     if sorted(kinds) != ["prismatic"] * 3 + ["revolute"] * 3:
         return "free" in kinds
+    # an actuator, a tie or a spring on one of the six would hold the body to the world
     driven = set(
         model.actuator_trnid[np.isin(model.actuator_trntype, AT_JOINT), 0].tolist()
     )
@@ -338,6 +344,7 @@ def _is_free(model: MjModel, body: int) -> bool:
         _is_stated(model, ("jnt_stiffness", "jnt_stiffnesspoly"), joint)
         for joint in joints
     )
+    # only axes that span space let the body turn and slide every way
     axes = (model.jnt_axis[joints][kinds == each] for each in set(kinds))
     return not (driven & {*joints} or tied or sprung) and all(
         np.linalg.matrix_rank(each, 1e-6) == 3 for each in axes
@@ -349,17 +356,13 @@ def _joints(model: MjModel, body: int) -> list[int]:
     return list(range(first, first + model.body_jntnum[body]))
 
 
-def _read_child(tree: _Tree, body: int) -> None:
+def _read_child(tree: _MujocoTree, body: int) -> None:
     """Add a body and its joints to the tree; MuJoCo applies the joints in sequence,
     each about its own anchor.
     """
     model, name = tree.model, name_of(tree.model, "body", body)
     carrier = tree.seats[model.body_parentid[body]]
-    at = posed_in(
-        carrier,
-        _rotation(model.body_quat[body]),
-        description.vector(model.body_pos[body]),
-    )
+    at = posed_in(carrier, *_pose_of(model, "body", body))
     balls = [joint for joint in _joints(model, body) if kind_of(model, joint) == "ball"]
     tree.balls |= {name_of(model, "jnt", joint) for joint in balls}
     moving = [
@@ -379,10 +382,13 @@ def _read_child(tree: _Tree, body: int) -> None:
                 at.position,
                 Notes() if silent else tree.notes,
             )
+            # only the last joint carries the body; those before it move massless links
             link = name if joint == moving[-1] else tree.unique(f"{name}.{made.name}")
             at = tree.add_link(link, at.link, made)
         elif joint not in balls:
             at = _held_pose(tree, joint, at)
+        # each joint turns about its own anchor, and the next pose counts from the
+        # body's origin again
         at = posed_in(at, Mat3.identity(), -anchor)
     tree.seats[body] = at
     if not moving:
@@ -390,7 +396,7 @@ def _read_child(tree: _Tree, body: int) -> None:
     _read_body(tree, body)
 
 
-def _is_fixed(tree: _Tree, joint: int) -> bool:
+def _is_fixed(tree: _MujocoTree, joint: int) -> bool:
     """True if a joint cannot move: it follows a fixed joint, or follows any joint while
     mimic joints are locked.
     """
@@ -401,7 +407,7 @@ def _is_fixed(tree: _Tree, joint: int) -> bool:
     return not leader.joint or leader.ratio == 0.0
 
 
-def _held_pose(tree: _Tree, joint: int, at: Frame) -> Frame:
+def _held_pose(tree: _MujocoTree, joint: int, at: Frame) -> Frame:
     """Pose of the body behind a joint that is fixed at a constant value."""
     name = name_of(tree.model, "jnt", joint)
     value = resting(tree.model, name, tree.mimics)
@@ -416,10 +422,11 @@ def _held_pose(tree: _Tree, joint: int, at: Frame) -> Frame:
     )
 
 
-def _read_body(tree: _Tree, body: int) -> None:
+def _read_body(tree: _MujocoTree, body: int) -> None:
     """Add the mass and the sites (named frames) of a MuJoCo body to the tree."""
     model, at = tree.model, tree.seats[body]
     mass = float(model.body_mass[body])
+    # the world has no mass of its own, also where MuJoCo gives it static geometry
     if mass > 0.0 and body:
         R = description.rotation(at.rotation @ _rotation(model.body_iquat[body]))
         com = at.position + at.rotation.apply(description.vector(model.body_ipos[body]))
@@ -428,14 +435,18 @@ def _read_body(tree: _Tree, body: int) -> None:
     for site in range(model.nsite):
         name = name_of(model, "site", site)
         if model.site_bodyid[site] == body and (
+            # unnamed sites are marks of a viewer, unless a rotor pushes there
             model.site(site).name or name in tree.carrying
         ):
-            pose = (
-                _rotation(model.site_quat[site]),
-                description.vector(model.site_pos[site]),
-            )
+            R, p = _pose_of(model, "site", site)
             tree.sites[name] = tree.unique(name)
-            tree.frames.append(posed_in(at, *pose, tree.sites[name]))
+            tree.frames.append(posed_in(at, R, p, tree.sites[name]))
+
+
+def _pose_of(model: MjModel, kind: str, index: int) -> tuple[Mat3, Vec3]:
+    """Rotation and position (m) of a body or site in the body that carries it."""
+    wxyz, place = (getattr(model, f"{kind}_{part}")[index] for part in ("quat", "pos"))
+    return _rotation(wxyz), description.vector(place)
 
 
 def _rotation(wxyz: Array) -> Mat3:
@@ -496,11 +507,10 @@ def mimics_of(model: MjModel) -> dict[str, Mimic]:
     for each in range(model.neq):
         if model.eq_type[each] != mujoco.mjtEq.mjEQ_JOINT or not model.eq_active0[each]:
             continue
-        name, other = (
-            name_of(model, "jnt", model.eq_obj1id[each]),
-            model.eq_obj2id[each],
-        )
+        name = name_of(model, "jnt", model.eq_obj1id[each])
+        other = model.eq_obj2id[each]
         numbers = [float(value) for value in model.eq_data[each][:5]]
+        # a curve has no constant ratio, and a follower here has
         if any(numbers[2:]):
             refuse(
                 f"equality of joint[{name}].polycoef",
@@ -541,6 +551,8 @@ def limits(model: MjModel, joint: int) -> tuple[float, float]:
     """
     if not model.jnt_limited[joint]:
         return -math.inf, math.inf
+    # MuJoCo's ranges count from its own zero, this library's from the reference
+    # position
     zero = float(model.qpos0[model.jnt_qposadr[joint]])
     lower, upper = (float(each) - zero for each in model.jnt_range[joint])
     return lower, upper
@@ -571,13 +583,13 @@ def require_supported(
     """
     faults = {**_joint_faults(model, notes), **_loop_faults(model, root)}
     for tendon in range(model.ntendon):
-        name, wraps = (
-            name_of(model, "tendon", tendon),
-            slice(model.tendon_adr[tendon], None),
-        )
+        name = name_of(model, "tendon", tendon)
+        wraps = slice(model.tendon_adr[tendon], None)
         if not _is_stated(model, TENDON_FORCES, tendon):
             notes.add("not read", name, "tendon")
         else:
+            # the wraps of all tendons lie in one array; those of this one begin at its
+            # address
             joints = model.wrap_objid[wraps][: model.tendon_num[tendon]]
             fault = (
                 f"tendon[{name}] = 'a pull of its own': must pull nothing; tendons are"
@@ -586,6 +598,7 @@ def require_supported(
             if (model.wrap_type[wraps][: len(joints)] != 1).any():
                 raise VehicleError(fault)
             faults[fault] = frozenset(name_of(model, "jnt", joint) for joint in joints)
+    # a body that MuJoCo holds up would fall here
     for body in range(1, model.nbody):
         if model.body_gravcomp[body]:
             refuse(
@@ -624,11 +637,9 @@ def _joint_faults(model: MjModel, notes: Notes) -> dict[str, frozenset[str]]:
     """
     faults = {}
     for joint in range(model.njnt):
-        name, kind, dof = (
-            name_of(model, "jnt", joint),
-            kind_of(model, joint),
-            model.jnt_dofadr[joint],
-        )
+        name = name_of(model, "jnt", joint)
+        kind = kind_of(model, joint)
+        dof = model.jnt_dofadr[joint]
         own = frozenset({name})
         if kind == "ball":
             faults[
@@ -651,6 +662,8 @@ def _joint_faults(model: MjModel, notes: Notes) -> dict[str, frozenset[str]]:
                 " <freejoint/> has none",
                 name,
             )
+        # a fault of the free joint cannot be cured by holding it: the vehicle would not
+        # fly
         if kind == "free" and own in faults.values():
             raise VehicleError(list(faults)[-1])
     return faults
@@ -660,13 +673,11 @@ def _loop_faults(model: MjModel, root: int) -> dict[str, frozenset[str]]:
     """Equalities that close a chain, with the joints between their two bodies."""
     import mujoco
 
-    kinds, faults = (
-        {
-            int(mujoco.mjtEq.mjEQ_CONNECT): "connect",
-            int(mujoco.mjtEq.mjEQ_WELD): "weld",
-        },
-        {},
-    )
+    kinds = {
+        int(mujoco.mjtEq.mjEQ_CONNECT): "connect",
+        int(mujoco.mjtEq.mjEQ_WELD): "weld",
+    }
+    faults = {}
     for each in range(model.neq):
         kind, ends = model.eq_type[each], (model.eq_obj1id[each], model.eq_obj2id[each])
         if not model.eq_active0[each] or kind == mujoco.mjtEq.mjEQ_JOINT:
@@ -683,6 +694,7 @@ def _loop_faults(model: MjModel, root: int) -> dict[str, frozenset[str]]:
         if not at_bodies or (root and root in trees and len(trees) > 1):
             raise VehicleError(f"{fault}; must be left out of the file")
         first, second = (set(_up(model, body)) for body in ends)
+        # the joints on either path from the two bodies to their common ancestor
         faults[fault] = frozenset(
             name_of(model, "jnt", j)
             for body in first ^ second

@@ -38,13 +38,13 @@ def force_range(model: Any, actuator: int) -> tuple[float, float]:
     """
     low, high = (
         model.actuator_forcerange[actuator]
+        # a joint may have no force limit of its own and yet be bounded by its control
+        # or its activation
         if model.actuator_forcelimited[actuator]
         else (-math.inf, math.inf)
     )
-    first, lagging = (
-        model.actuator_ctrladr[actuator],
-        model.actuator_dyntype[actuator] in LAGGING,
-    )
+    first = model.actuator_ctrladr[actuator]
+    lagging = model.actuator_dyntype[actuator] in LAGGING
     of_control = (
         model.actuator_ctrlrange[first],
         lagging and model.actuator_ctrllimited[first],
@@ -53,8 +53,10 @@ def force_range(model: Any, actuator: int) -> tuple[float, float]:
         model.actuator_actrange[actuator],
         model.actuator_actlimited[actuator],
     )
+    # only a gain times the control is bounded by it; a servo's force follows its error
     for ends, counts in (of_control, of_activation):
         if counts and is_plain(model, actuator):
+            # a negative gain swaps the ends
             least, most = np.sort(model.actuator_gainprm[actuator][0] * ends)
             low, high = max(low, least), min(high, most)
     return float(low), float(high)
@@ -64,6 +66,7 @@ def bias_of(model: Any, actuator: int) -> Array:
     """Coefficients of an actuator's bias; zeros without a bias, where MuJoCo ignores
     the numbers of the file.
     """
+    # MuJoCo keeps the file's numbers in biasprm also where the bias is off
     bias: Array = model.actuator_biasprm[actuator] * (
         model.actuator_biastype[actuator] != 0
     )
@@ -85,6 +88,7 @@ def is_servo(model: Any, actuator: int) -> bool:
     """True if an actuator's force is that of a motor or of a loop that pulls towards a
     setpoint.
     """
+    # a bias of type 2 and above is a muscle's, a motor's or a user's
     known = (
         model.actuator_gaintype[actuator] in (FIXED, PID)
         and model.actuator_biastype[actuator] < 2
@@ -92,6 +96,7 @@ def is_servo(model: Any, actuator: int) -> bool:
     return (
         known
         and model.actuator_plugin[actuator] < 0
+        # positive coefficients would push away from the setpoint
         and max(bias_of(model, actuator)[1:3]) <= 0.0
     )
 
@@ -111,6 +116,7 @@ def effort_of(model: Any, joint: int, notes: Notes) -> float:
     name, total = name_of(model, "jnt", joint), 0.0
     for actuator in (each for each in at_joint(model, joint) if is_servo(model, each)):
         low, high = force_range(model, actuator)
+        # a joint has one effort limit for both directions here
         total += abs(float(model.actuator_gear[actuator][0])) * max(-low, high)
         if abs(low + high) > 0.0:
             notes.add(
@@ -118,6 +124,7 @@ def effort_of(model: Any, joint: int, notes: Notes) -> float:
                 " for both",
                 name,
             )
+    # the joint's own clamp bounds the sum of its actuators
     if model.jnt_actfrclimited[joint]:
         total = min(total, float(abs(model.jnt_actfrcrange[joint]).max()))
     if total == 0.0:
@@ -172,6 +179,8 @@ def read_drives(
                     "integral": integral,
                 }
             if stiffness or damping:
+                # inertia that the servo moves at the reference position, armature
+                # included, by which its integration step is bounded
                 drives[name] = {
                     **table,
                     "inertia": (
@@ -185,12 +194,11 @@ def _gains(model: Any, actuator: int, notes: Notes) -> Array:
     """Torque per position error, per rate and per integral of the error that an
     actuator gives its joint; or zeros.
     """
-    bias, kind, servo = (
-        bias_of(model, actuator),
-        model.actuator_gaintype[actuator],
-        is_servo(model, actuator),
-    )
+    bias = bias_of(model, actuator)
+    kind = model.actuator_gaintype[actuator]
+    servo = is_servo(model, actuator)
     name = name_of(model, "actuator", actuator)
+    # a bias without a stiffness is a constant force; other dynamics filter the control
     if (
         not servo
         or (bias[0] and not bias[1])
@@ -211,4 +219,6 @@ def _gains(model: Any, actuator: int, notes: Notes) -> Array:
         notes.add(why, name, "actuator")
     integral = model.actuator_gainprm[actuator][0] if kind == PID else 0.0
     gains: Array = np.array([-bias[1], -bias[2], integral])
+    # gear squared: once from the joint to the length, and once from the force to the
+    # torque
     return gains * (servo * float(model.actuator_gear[actuator][0]) ** 2)

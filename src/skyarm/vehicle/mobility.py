@@ -45,6 +45,8 @@ def what_does_not_move(value: Linkage) -> tuple[str, Any, str] | None:
         at = ", ".join(f"{q:g}" for q in joints)
         return (
             field,
+            # a free joint or base that moves nothing needs words of its own, for no
+            # drive cures it
             _describe(value, field),
             "must move mass outward of it (the mass matrix is singular at joint values"
             f" [{at}]), or its drive "
@@ -73,6 +75,8 @@ def immobile(vehicle: Linkage) -> tuple[str, tuple[float, ...]] | None:
     """
     if all(map(_solid, vehicle.bodies)):
         return None
+    # three postures, because a joint may move nothing in one of them only, as a
+    # straight arm
     for turn in range(3):
         joints = _joint_values(vehicle, turn)
         # absurd masses overflow; their flight ends as diverged
@@ -93,6 +97,7 @@ def _joint_values(vehicle: Linkage, turn: int) -> tuple[float, ...]:
 def _solid(body: Body) -> bool:
     """True if a body has positive mass and a positive definite inertia."""
     moments = principal_moments(body.inertia)
+    # relative to the largest moment: a thin rod must not count as solid by rounding
     return bool(body.mass > 0 and moments[0] > 1e-9 * moments[2])
 
 
@@ -100,6 +105,7 @@ def _joint_value(joint: Joint, turn: int, index: int) -> float:
     """Value of a joint in a test posture: zero (or the nearest limit) in posture 0,
     irregular in the others.
     """
+    # multiples of the golden ratio never repeat, so no posture is symmetric by chance
     free = 0.0 if turn == 0 else 0.2 + ((turn * 7 + index * 3 + 1) * GOLDEN) % 1.0
     lower, upper = joint.ends
     return min(max(free, lower), upper)
@@ -127,6 +133,7 @@ def mass_matrix(vehicle: Linkage, joints: Sequence[float]) -> tuple[Any, list[An
         columns[:, 6 + i] += ratio * _direction(link.joint)
         J.append(columns)
         M += columns.T @ rigid_inertia(link.body) @ columns
+        # armature resists the joint's rate against its parent, hence only the diagonal
         M[6 + i, 6 + i] += float(link.joint.armature)
     return M, J
 
@@ -139,10 +146,9 @@ def _eliminate(vehicle: Linkage, joints: Sequence[float]) -> str:
     the joints after it free.
     """
     M, J = mass_matrix(vehicle, joints)
-    inertias, moved = (
-        [rigid_inertia(body) for body in vehicle.bodies],
-        np.diag(M).copy(),
-    )
+    inertias = [rigid_inertia(body) for body in vehicle.bodies]
+    moved = np.diag(M).copy()
+    # from the tips inwards, so each pivot is the inertia with the outer joints free
     for k in reversed(range(6, len(M))):
         joint = vehicle.links[k - 6].joint
         size = float(joint.armature)
@@ -152,12 +158,16 @@ def _eliminate(vehicle: Linkage, joints: Sequence[float]) -> str:
             size += np.trace(inertia[:3, :3]) * (turn @ turn) + inertia[3, 3] * (
                 slide @ slide
             )
+        # both: moved against what the bodies alone have, and the pivot against what is
+        # left of it
         if not moved[k] > SINGULAR * size or not M[k, k] > SINGULAR * moved[k]:
             return f"joints[{joint.name}]"
+        # Schur complement: the outer joint is eliminated
         M = M[:k, :k] - np.outer(M[:k, k], M[:k, k]) / M[k, k]
     diagonal = np.diag(M)
     if not np.all(diagonal > 0.0):
         return "base.inertia"
+    # scaled to a unit diagonal, because kg and kg m^2 differ by orders of magnitude
     scale = 1.0 / np.sqrt(diagonal)
     try:
         smallest = float(np.linalg.eigvalsh(M * np.outer(scale, scale))[0])
@@ -173,6 +183,8 @@ def joint_mobility(vehicle: Linkage) -> Array:
     The block of the joints in the inverse of the mass matrix, with all that is not a
     joint free to move.
     """
+    # six postures, more than the three of the test: the largest mobility sets stiffness
+    # and friction
     masses = [
         mass_matrix(vehicle, _joint_values(vehicle, turn))[0] for turn in range(6)
     ]
@@ -208,6 +220,7 @@ def rigid_inertia(body: Body) -> Array:
     S = _matrix(Mat3.cross(body.com))
     m = float(body.mass)
     return np.block(
+        # parallel axes: S is antisymmetric, so -m S S adds the distance from the origin
         [[_matrix(body.inertia.full()) - m * S @ S, m * S], [-m * S, m * np.eye(3)]]
     )
 
@@ -225,6 +238,7 @@ def _to_child(joint: Joint, value: float) -> Array:
     axis = Vec3(*map(float, joint.axis))
     if joint.turns:
         K = _matrix(Mat3.cross(axis))
+        # Rodrigues' formula
         R = R @ (np.eye(3) + math.sin(value) * K + (1.0 - math.cos(value)) * K @ K)
     else:
         p = p + R @ np.array(list(axis)) * value

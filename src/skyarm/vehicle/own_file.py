@@ -70,9 +70,12 @@ def _text(
     if tip:
         frames = {
             each.name: each
+            # frames of the file come last, so that one of the tip's name replaces the
+            # new one
             for each in (place_in(bodies_of(vehicle), tip, "--tip"), *vehicle.frames)
         }
         vehicle = replace(vehicle, frames=tuple(frames.values()), end_effector=tip)
+    # sources of the file win over the words for the inertia of rotors
     notes = {
         "rotors.inertia": f"{path.name}: links of the rotors, about their axes",
         **dict(vehicle.sources),
@@ -96,6 +99,7 @@ def _text(
         each.name: {gap.partition(" ")[0]: gap for gap in gaps_of(each, each.values)}
         for each in bodies.rotors
     }
+    # own values of each rotor, so that one gap is written at each rotor that has it
     gaps = {field: gap for each in own.values() for field, gap in each.items()}
     if "axis" in gaps:  # a comment in its place would read as z
         refuse(
@@ -105,24 +109,28 @@ def _text(
         )
     if joints := joints_below_rotors(bodies):
         source = next(
-            name for name, suffixes in SOURCES.items() if path.suffix in suffixes
+            # the vehicle file refers to the robot's file, for joints below rotors can
+            # be held only there
+            name
+            for name, suffixes in SOURCES.items()
+            if path.suffix in suffixes
         )
         named = file if is_robot(file) else path.resolve().as_posix()
-        words = {
-            "source": source,
-            "file": named,
-            "vehicle": vehicle,
-            "head": head,
-            "joints": joints,
-            "rotors": own,
-        }
-        return (
-            render_template("vehicle/exported/riding.jinja", toml=toml_value, **words),
-            False,
+        text = render_template(
+            "vehicle/exported/riding.jinja",
+            toml=toml_value,
+            source=source,
+            file=named,
+            vehicle=vehicle,
+            head=head,
+            joints=joints,
+            rotors=own,
         )
+        return text, False
     flying = mount_rotors(
         bodies, RotorTables(own={name: _any_values(each) for name, each in own.items()})
     )
+    # blocks of the text are split at empty lines, one for each table
     blocks = vehicle_text(replace(vehicle, rotors=flying.rotors), head, notes).split(
         "\n\n"
     )
@@ -134,20 +142,17 @@ def _text(
     }
     for k, block in enumerate(blocks):
         rotor = re.match(r'\[\[rotors]]\nname = "(.*)"', block)
-        for field, gap in (
-            own.get(rotor[1], {})
-            if rotor
-            else gaps
-            if block.startswith("[rotor_d")
-            else {}
-        ).items():
+        lacking: Mapping[str, str] = {}
+        if rotor:
+            lacking = own.get(rotor[1], {})
+        elif block.startswith("[rotor_d"):
+            lacking = gaps
+        for field, gap in lacking.items():
             line, comment = rf"^{field} = .*", f"# {field} = ...  # missing: {gap}"
             # an entry of tilt = {...} behind its axis: left out
             if inner := field.partition(".")[2]:
-                line, comment = (
-                    rf"^(tilt = .*), {inner} = -?1\.0\b(.*)",
-                    rf"\1\2  # missing: {gap}",
-                )
+                line = rf"^(tilt = .*), {inner} = -?1\.0\b(.*)"
+                comment = rf"\1\2  # missing: {gap}"
             blocks[k] = re.sub(line, comment, blocks[k], flags=re.MULTILINE)
         if rotor[1] in most if rotor else len(most) == len(own):
             blocks[k] = blocks[k].replace(

@@ -49,6 +49,8 @@ class _Piece:
         """
         R = [[float(each) for each in row] for row in self.rotation.rows]
         yaw = math.atan2(R[1][0], R[0][0])
+        # yaw is taken from the first column first: at a pitch of a right angle the last
+        # angle absorbs the rest
         s, c = math.sin(yaw), math.cos(yaw)
         pitch = math.atan2(-R[2][0], c * R[0][0] + s * R[1][0])
         return (
@@ -116,7 +118,10 @@ def _pieces(vehicle: Vehicle, *, one_space: bool) -> list[_Piece]:
     require_plant(vehicle)
     plain = _plain_name if one_space else str
     joints = [*map(plain, _joint_names(vehicle)), WORLD]
-    taken, names = joints if one_space else [], list[str]()
+    # in SDF links, joints and frames share one space of names, in URDF links and joints
+    # do not
+    taken = joints if one_space else []
+    names = list[str]()
     for link in vehicle.moving:
         names.append(unused_name(plain(link.name), taken))
         taken.append(names[-1])
@@ -124,11 +129,21 @@ def _pieces(vehicle: Vehicle, *, one_space: bool) -> list[_Piece]:
     base, spun = _with_rotor_links(vehicle)
     followers = {each.name: each for each in vehicle.followers}
     pieces = [_Piece(names[-1], body=base)]
+    # joints are named before frames add theirs, hence a copy of the list
     for name, joint, link in zip(names, list(joints), vehicle.moving, strict=False):
-        at, follower = link.joint, followers.get(link.name)
-        # BASE is the last name
-        pose = names[link.parent], joint, at.position, at.rotation
-        pieces.append(_Piece(name, *pose, link.body, at, follower))
+        pieces.append(
+            _Piece(
+                name,
+                # BASE is the last name
+                parent=names[link.parent],
+                joint_name=joint,
+                position=link.joint.position,
+                rotation=link.joint.rotation,
+                body=link.body,
+                joint=link.joint,
+                follower=followers.get(link.name),
+            )
+        )
     hubs = [
         Frame(
             name=each.name, link=BASE, position=each.position, rotation=_upright(each)
@@ -138,16 +153,19 @@ def _pieces(vehicle: Vehicle, *, one_space: bool) -> list[_Piece]:
     for k, frame in enumerate((*hubs, *vehicle.frames)):
         name = unused_name(plain(frame.name), taken)
         taken.append(name)
+        # the joint of a frame needs a name of its own beside the frame's
         joint = unused_name(f"{name}_joint", joints)
         joints.append(joint)
-        spins = (
-            (spun, Joint(name=joint, axis=Vec3(0, 0, 1)))
-            if k < len(hubs)
-            else (None, None)
-        )
+        turns = k < len(hubs)
         pieces.append(
             _Piece(
-                name, names[frame.link], joint, frame.position, frame.rotation, *spins
+                name,
+                parent=names[frame.link],
+                joint_name=joint,
+                position=frame.position,
+                rotation=frame.rotation,
+                body=spun if turns else None,
+                joint=Joint(name=joint, axis=Vec3(0, 0, 1)) if turns else None,
             )
         )
     return pieces
@@ -199,6 +217,7 @@ def _with_rotor_links(vehicle: Vehicle) -> tuple[Body, Body]:
     """Body of the base without its rotors' links, and that of one rotor, in the axes of
     its link.
     """
+    # smaller rotors where the base's inertia could not give them up and stay physical
     for share in (1e-3, 1e-5, 1e-7, 1e-9):
         mass = share * float(vehicle.base.mass)
         disc = 1e-4 * mass  # a few centimetres across
@@ -221,6 +240,8 @@ def _less(whole: Body, parts: Sequence[Body]) -> Body:
     for part in parts:
         mass, moment = mass - part.mass, moment - part.com * part.mass
     com = moment * (1.0 / mass)
+    # Steiner's term of the whole about the remaining centre of mass; those of the parts
+    # leave it
     inertia = whole.inertia + Sym3.parallel_axis(whole.mass, whole.com - com)
     for part in parts:
         inertia = inertia - part.inertia - Sym3.parallel_axis(part.mass, part.com - com)
@@ -232,6 +253,7 @@ def _upright(rotor: Rotor) -> Mat3:
     where it points down.
     """
     x, y, z = map(float, rotor.axis)
+    # the shortest turn is undefined for -z; half a turn about x is one of them
     if z <= -1.0 + 1e-12:
         return Mat3.from_numbers([[1, 0, 0], [0, -1, 0], [0, 0, -1]])
     k = 1.0 / (1.0 + z)

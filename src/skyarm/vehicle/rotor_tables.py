@@ -35,6 +35,13 @@ COEFFICIENTS = ("thrust_coefficient", "moment_coefficient")
 
 SENSES = {"ccw": 1, "cw": -1}
 
+
+def coefficients_of(table: ThrustTable) -> tuple[str, ...]:
+    """Names of the coefficients that follow from a thrust table."""
+    # without torque data the drag torque needs a stated coefficient
+    return COEFFICIENTS if table.torque else COEFFICIENTS[:1]
+
+
 ROUNDED = 0.01
 """Relative difference below which a largest thrust agrees with coefficient and speed:
 data sheets round."""
@@ -146,6 +153,8 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
             rides on a link that moves.
     """
     stated = {each.name: _at_mass(bodies, each) for each in bodies.rotors}
+    # a mistyped name must not silently turn completed rotors into a whole set of new
+    # ones
     strange = [name for name in tables.own if name not in stated]
     if strange and len(strange) < len(tables.own):
         refuse(
@@ -167,6 +176,8 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
         for name, each in tables.own.items()
     }
     values = {
+        # the vehicle file's own number wins over the robot's, and that over
+        # [rotor_defaults]
         name: _merge(
             tables.usual,
             {**_spin(bodies, origin), **origin.values},
@@ -176,11 +187,13 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
     }
     for name, origin in whole.items():
         _require_numbers(origin, values[name])
-    notes += tuple(_told(whole, lambda name: _default_words(whole[name])))
+    notes += tuple(_notes(whole, lambda name: _default_words(whole[name])))
     notes += tuple(
-        _told(origins, lambda name: _other_thrust(origins[name], values[name]))
+        _notes(origins, lambda name: _other_thrust(origins[name], values[name]))
     )
     still = _without_spin(bodies, (*stated.values(), *origins.values()))
+    # a joint with limits that moves a rotor's link may be meant as a tilt, so its
+    # holding is noted
     of_arm = {each.joint or _joint_of(bodies, each.link) for each in origins.values()}
     for joint in (each.joint for each in bodies.links if each.joint.name in of_arm):
         if any(map(math.isfinite, joint.ends)):
@@ -191,8 +204,10 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
                 ),
             )
     gaps = list(_gaps(still, origins if tables.whole else whole, values))
+    # without tables the file is only looked at, so gaps stay a property of the vehicle
     if gaps and (tables.own or tables.usual):
         raise VehicleError(gaps[0])
+    # taken once more, so that what is missing is refused with the field's name
     for name, fields in tables.tables.items() if not whole else ():
         for needed in (
             "direction",
@@ -213,6 +228,8 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
         for word, text in each.where.items()
     )
     for lag in LAGS if rotors else ():
+        # a default of the library for a lag is named among the sources, so nobody takes
+        # it for measured
         if not any(lag in each for each in values.values()):
             sources[f"rotors.{lag}", "assumed: the file states none"] = None
     return MountedRotors(still, rotors, tuple(gaps), tuple(sources), notes)
@@ -239,6 +256,7 @@ def _without_spin(bodies: RigidBodies, rotors: Iterable[StatedRotor]) -> RigidBo
     spinning = {each.joint or _joint_of(bodies, each.link) for each in rotors} | {
         each.tilt_joint for each in rotors
     }
+    # sorted, because a set's order would change the frames from run to run
     return hold_joints(bodies, dict.fromkeys(sorted(spinning - {""}), 0.0))
 
 
@@ -247,6 +265,8 @@ def _merge(usual: Values, stated: Values, own: Values) -> dict[str, Any]:
     complete the tilt of the file.
     """
     merged = {**usual, **stated, **own}
+    # tilts are merged field by field: a user completes the lag of a servo whose range
+    # the file has
     if "tilt" in stated:
         merged["tilt"] = {
             **usual.get("tilt", {}),
@@ -282,6 +302,7 @@ def _spin(bodies: RigidBodies, rotor: StatedRotor) -> Values:
     """Inertia of what turns about a rotor's axis, kg m^2, from the link that its joint
     spins.
     """
+    # what the joint spins, seen about its axis; the simulator's slow-down is taken out
     for link in bodies.links:
         if rotor.joint and link.joint.name == rotor.joint:
             axis = link.joint.axis
@@ -358,13 +379,13 @@ def _joints_below(bodies: RigidBodies, link: int) -> list[str]:
     ]
 
 
-def _told(rotors: Iterable[str], words_of: Callable[[str], str]) -> Iterator[str]:
+def _notes(rotors: Iterable[str], words_of: Callable[[str], str]) -> Iterator[str]:
     """Notes on rotors, those of the same words in one line; none of empty words."""
-    told: dict[str, list[str]] = {}
+    alike: dict[str, list[str]] = {}
     for name in rotors:
-        told.setdefault(words_of(name), []).append(name)
+        alike.setdefault(words_of(name), []).append(name)
     return (
-        f"rotors {', '.join(names)}: {words}" for words, names in told.items() if words
+        f"rotors {', '.join(names)}: {words}" for words, names in alike.items() if words
     )
 
 
@@ -381,14 +402,14 @@ def _other_thrust(rotor: StatedRotor, values: Values) -> str:
     contradict; refused of the user's.
     """
     try:
-        given, follows = (
-            values[MAX_THRUST],
-            values["thrust_coefficient"] * values["max_speed"] ** 2,
-        )
+        given = values[MAX_THRUST]
+        follows = values["thrust_coefficient"] * values["max_speed"] ** 2
     except KeyError:
         return ""
+    # data sheets round both numbers, so a percent is agreement
     if math.isclose(given, follows, rel_tol=ROUNDED):
         return ""
+    # only the user's own number can be taken back
     if given != rotor.values.get(MAX_THRUST):
         words = (
             "must be left out beside thrust_coefficient and max_speed, which give"
@@ -407,10 +428,8 @@ def _rides_on(joints: Sequence[str]) -> str:
     hold = f'[[joints]] name = "{first}", hold = 0.0 (rad or m, yours to choose'
     if not others:
         return f"ride on a link that joint {first} moves; hold it: {hold})"
-    moving, up = (
-        ", ".join((first, *others)),
-        "such that all thrusts together point up, which 0 everywhere need not do",
-    )
+    moving = ", ".join((first, *others))
+    up = "such that all thrusts together point up, which 0 everywhere need not do"
     return (
         f"ride on links that joints {moving} move; hold each at an angle for flight:"
         f" {hold}, {up})"
@@ -426,6 +445,8 @@ def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
     link = values.pop("link", None)
     seat = place_in(bodies, link or origin.link, f"{where}.link")
     # what the vehicle file states itself
+    # a place from the vehicle file counts from the base, one of the robot's file from
+    # its link
     of_base = place_in(bodies, link or "base", f"{where}.link")
     if seat.link != BASE:
         refuse(
@@ -446,7 +467,8 @@ def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
     thrust_axis = description.unit_axis(f"{where}.axis", place.rotation.apply(axis))
     table: ThrustTable | None = values.get("table")
     if table is not None:
-        for needed in COEFFICIENTS if table.torque else COEFFICIENTS[:1]:
+        # two statements of one coefficient could disagree
+        for needed in coefficients_of(table):
             if needed in values:
                 refuse(
                     f"{where}.{needed}",
@@ -454,6 +476,7 @@ def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
                     "must be left out: it follows from thrust_table",
                 )
             values[needed] = getattr(table, needed)
+        # beyond the last measured speed the table only extrapolates
         values.setdefault("max_speed", table.speed[-1])
     for needed in COEFFICIENTS:
         if needed not in values:

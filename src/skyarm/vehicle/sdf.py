@@ -107,15 +107,19 @@ def _vehicle(path: Path, base: str, notes: Notes) -> tuple[ET.Element, _Scope]:
     """
     sdf, scope = _document(path, notes.add)
     missing = ""
+    # models stand alone in a file, or in a world
     models = [
         (each, scope) for each in (*sdf.findall("model"), *sdf.findall("world/model"))
     ]
+    # a world without a network lacks its included ground, which is no reason to refuse
+    # the vehicle
     for include in sdf.findall("world/include"):
         try:
             models.append(_read_include(include, scope))
         except VehicleError as error:
             missing = f"; {error}"
             notes.add(f"not read: {error}")
+    # static models are ground and walls
     moving = [pair for pair in models if text_of(pair[0], "static") not in TRUE]
     chosen = (
         [pair for pair in models if pair[0].get("name") == base]
@@ -129,10 +133,8 @@ def _vehicle(path: Path, base: str, notes: Notes) -> tuple[ET.Element, _Scope]:
     if len(chosen) != 1 or (missing and not base and not moving):
         cure = 'a TOML file with sdf = "FILE" and base = "NAME" names it'
         refuse("models", names, f"must be one, the vehicle; {cure}{missing}")
-    start, around = (
-        _inner(chosen[0][0], "pose").get("relative_to", ""),
-        [each for each, _ in models],
-    )
+    start = _inner(chosen[0][0], "pose").get("relative_to", "")
+    around = [each for each, _ in models]
     if start.partition("::")[0] not in (
         "",
         "world",
@@ -174,6 +176,7 @@ def _read_include(include: ET.Element, scope: _Scope) -> tuple[ET.Element, _Scop
         if model is None:
             refuse("sdf", "no <model>", "must have one")
     for word in ("name", "placement_frame"):
+        # the include's own name and placement win over those of the model
         model.set(word, text_of(include, word) or model.get(word, ""))
     # the first one counts
     model[:0] = [*include.findall("pose"), *include.findall("static")]
@@ -194,6 +197,7 @@ def _file_of(uri: str, file: Path) -> Path:
     for folder in (here.parent, here, *map(Path, filter(None, given))):
         place = folder / name
         for each in (place, place / "model.sdf", place / f"{place.name}.sdf"):
+            # a name with .. could lead to any file of the machine
             if name and ".." not in place.parts and each.is_file():
                 return each
     refuse(
@@ -227,6 +231,7 @@ class _Tree:
         nested in it.
         """
         self.models += 1
+        # a file that includes itself would never end
         if self.models > DEEPEST:
             refuse(
                 "models",
@@ -236,6 +241,8 @@ class _Tree:
             )
         own = [scope.whole(each.get("name", "")) for each in model.findall("link")]
         before = len(self.links)
+        # plugins name parts by the names of their own model, which are prefixed in the
+        # vehicle
         for element in model:
             if element.tag in ("plugin", OWN):
                 for named in (
@@ -250,6 +257,8 @@ class _Tree:
             elif element.tag in ("link", "frame", "joint", "model"):
                 self._add_placed(element, scope)
         canonical = model.get("canonical_link")
+        # SDF: the canonical link is the stated one, else the first of the model, own
+        # links before nested ones
         first = [*own, *[*self.links][before:], "?"][0]
         self.carriers[scope.frame] = scope.whole(canonical) if canonical else first
 
@@ -258,6 +267,8 @@ class _Tree:
     ) -> None:
         """Add a link, frame, joint or model; each is a frame."""
         kind, name = element.tag, scope.whole(element.get("name", ""))
+        # a joint may have the name of a link in older files, so its frame gets a key of
+        # its own
         key = f"{kind} {name}" if merge or kind == "joint" else name
         if key in self.frames or not element.get("name"):
             refuse(f"{kind}.name", name, "must be there, and once in its model")
@@ -268,6 +279,7 @@ class _Tree:
         )
         inner = replace(scope, prefix=scope.prefix if merge else f"{name}::", frame=key)
         pose, placement = _inner(element, "pose"), element.get("placement_frame")
+        # "frame" is the word of SDF 1.5 and 1.6 for relative_to
         start = pose.get("relative_to") or pose.get("frame")
         self.frames[key] = (
             scope.whole(start) if start else base,
@@ -305,8 +317,11 @@ class _Tree:
                 "must be a link, frame, joint or model whose pose does not lead back",
             )
         base, pose, placement = self.frames[key]
+        # depth bounds the walk, so poses in a ring end in an error
         at = posed_in(self._at(base, top, depth + 1), pose.rotation, pose.position)
         return (
+            # placement_frame: the model is put so that this frame of it, not its own,
+            # has the pose
             posed_in(at, *_within(self._at(placement, key, depth + 1), ORIGIN))
             if placement
             else at
@@ -320,6 +335,7 @@ class _Tree:
     def _link_of(self, name: str, field: str) -> str:
         """Link that a frame, joint or model is fixed to."""
         carrier = name
+        # a chain of frames that leads nowhere ends here, too
         for _ in range(DEEPEST):
             if carrier in self.links:
                 return carrier
@@ -335,6 +351,7 @@ class _Tree:
             _add_inertial(ET.SubElement(robot, "link", name=link), element, self.notes)
         for joint, (element, scope) in self.joints.items():
             above, below = (text_of(element, end, "?") for end in ("parent", "child"))
+            # SDF's world joint pins the vehicle; in flight it must be free
             if above == "world":
                 self.notes.add(
                     "holds the vehicle to the world; not read: the base floats", joint
@@ -372,23 +389,29 @@ class _Tree:
             _connect(robot, name, kind, (above, below), (parent, link))
             return
         moved, seat = below, self._at(f"joint {name}")
+        # equal frames need no link between them, so most joints keep the link of the
+        # file
         if seat != link:
             moved = f"{below}.{name}"
             ET.SubElement(robot, "link", name=moved)
             _connect(robot, f"{below} frame", "fixed", (moved, below), (seat, link))
         urdf = _connect(robot, name, kind, (above, moved), (parent, seat))
-        axis, limit = _inner(joint, "axis"), {"lower": "-inf", "upper": "inf"}
+        axis = _inner(joint, "axis")
+        limit = {"lower": "-inf", "upper": "inf"}
         xyz = numbers_of(text_of(axis, "xyz", "0 0 1"), f"{field}.axis.xyz", 3)
         turned = _within(seat, self._at(self._axes_of(axis, name, scope)))[0]
         ET.SubElement(urdf, "axis", xyz=_digits(turned.apply(description.vector(xyz))))
         for word, text in _texts(axis, "limit").items():
             value = finite(text, f"{field}.limit.{word}", infinite=True)
+            # a negative effort or rate is SDF's word for none
             if word in limit or value >= 0.0:
+                # Gazebo takes 1e16 and more for none
                 limit[word] = (
                     text
                     if abs(value) < UNLIMITED
                     else repr(math.copysign(math.inf, value))
                 )
+        # both ends open: only a continuous joint may lack limits in URDF
         if kind == "revolute" and (limit["lower"], limit["upper"]) == ("-inf", "inf"):
             urdf.set("type", "continuous")
         ET.SubElement(urdf, "limit", limit)
@@ -403,11 +426,12 @@ class _Tree:
             )
         ET.SubElement(urdf, "dynamics", rubbing)
         for mimic in axis.iterfind("mimic"):
-            words = {"multiplier": "1", "offset": "0", "reference": "0"}
+            defaults = {"multiplier": "1", "offset": "0", "reference": "0"}
             numbers = {
                 word: finite(text_of(mimic, word, usual), f"{field}.mimic.{word}")
-                for word, usual in words.items()
+                for word, usual in defaults.items()
             }
+            # SDF counts the leader from a reference: ratio (q - reference) + offset
             numbers["offset"] -= numbers["multiplier"] * numbers.pop("reference")
             leader = scope.whole(mimic.get("joint", ""))
             ET.SubElement(
@@ -421,6 +445,7 @@ class _Tree:
         """Frame in whose axes a joint's axis is stated."""
         if stated := _inner(axis, "xyz").get("expressed_in"):
             return scope.whole(stated)
+        # up to SDF 1.4 axes were stated in the model's frame without a word
         in_model = scope.version < 5 or text_of(axis, "use_parent_model_frame") in TRUE
         if in_model and scope.version >= 7:
             self.notes.add(
@@ -474,6 +499,7 @@ def _digits(values: Iterable[Any]) -> str:
 
 def _set_origin(urdf: ET.Element, R: Mat3, p: Vec3) -> None:
     """Give a URDF element its pose."""
+    # a quaternion, because roll, pitch and yaw lose digits near a right angle
     w, *xyz = description.unit_quaternion(R)
     ET.SubElement(urdf, "origin", xyz=_digits(p), quat_xyzw=_digits((*xyz, w)))
 
@@ -515,11 +541,10 @@ def _add_inertial(urdf: ET.Element, link: ET.Element, notes: Notes) -> None:
             name,
             "link",
         )
+        # SDF defines 1 for what is left out; a silent default could fly, so it is noted
         given |= dict.fromkeys(missing, "1")
-    inertial, at = (
-        ET.SubElement(urdf, "inertial"),
-        _pose(_inner(stated, "pose"), f"link[{name}].inertial.pose"),
-    )
+    inertial = ET.SubElement(urdf, "inertial")
+    at = _pose(_inner(stated, "pose"), f"link[{name}].inertial.pose")
     _set_origin(inertial, at.rotation, at.position)
     ET.SubElement(inertial, "mass", value=given["mass"])
     ET.SubElement(inertial, "inertia", {"ixy": "0", "ixz": "0", "iyz": "0", **given})

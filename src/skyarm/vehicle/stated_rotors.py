@@ -151,6 +151,7 @@ def whole_values(values: Mapping[str, Any]) -> dict[str, Any]:
 def gaps_of(rotor: StatedRotor, values: Mapping[str, Any]) -> Iterator[str]:
     """Names of the fields that a file's rotor and its user leave open."""
     known = whole_values(values)
+    # a thrust table gives all three
     if "table" in values:
         known = {
             **known,
@@ -162,6 +163,7 @@ def gaps_of(rotor: StatedRotor, values: Mapping[str, Any]) -> Iterator[str]:
         name for name in dict.fromkeys((*NEEDED, *rotor.absent)) if name not in known
     ]
     if MAX_THRUST in values and "max_speed" in missing:
+        # the gap is then the largest speed alone
         missing.remove("thrust_coefficient")  # one of the two gives the other
     if "tilt" in values:
         missing += [

@@ -47,6 +47,7 @@ def with_stops(vehicle: Vehicle, own: Collection[str] = ()) -> Vehicle:
         vehicle: vehicle of concrete numbers.
         own: names of joints that state the stiffness of their stops, and be it none.
     """
+    # joints without limits meet no stop; what a file states of one stays
     lacking = [
         any(map(math.isfinite, joint.ends))
         and joint.name not in own
@@ -56,12 +57,15 @@ def with_stops(vehicle: Vehicle, own: Collection[str] = ()) -> Vehicle:
     if not any(lacking):
         return vehicle
     mobilities = joint_mobility(vehicle)
+    # the lightest posture has the highest frequency, which bounds the stiffness for all
     ease = of_mirrored(
         np.einsum("sii->si", mobilities).max(axis=0), mobilities
     ).tolist()
     links = tuple(
         (
             replace(k, joint=_with_stops(k.joint, e))
+            # a joint that moves nothing has no frequency; the checks of the vehicle
+            # refuse it
             if lacks and math.isfinite(e) and e > 0.0
             else k
         )
@@ -74,10 +78,13 @@ def _stiffness(joint: Joint, ease: float) -> float:
     """Stop stiffness, N m/rad or N/m, from a joint's effort limit and its mobility,
     1/(kg m^2) or 1/kg.
     """
+    # a drive of unlimited effort has no depth, so the usual frequency stands
     if not math.isfinite(joint.effort_limit):
         return USUAL**2 / ease
     shallow = float(joint.effort_limit) / DEPTH[joint.kind]
     usual = min(max(shallow, SOFTEST**2 / ease), USUAL**2 / ease)
+    # a strong drive on a light link may need a stiffer stop, up to what the integrator
+    # takes
     return max(usual, min(shallow / DEEPEST, STIFFEST**2 / ease))
 
 
@@ -87,6 +94,7 @@ def _with_stops(joint: Joint, ease: float) -> Joint:
     if float(joint.stop_damping) > 0.0:
         return replace(joint, stop_stiffness=stiffness)
     depth = effort / stiffness if 0.0 < effort < math.inf else DEPTH[joint.kind]
+    # zeta = 1/2 of the linear oscillator at that depth, for a force k x (1 + d v)
     damping = 2.0 * DAMPING_RATIO / (math.sqrt(stiffness * ease) * depth)
     return replace(joint, stop_stiffness=stiffness, stop_damping=damping)
 
@@ -116,6 +124,7 @@ def with_smooth_friction(vehicle: Vehicle, names: Collection[str]) -> Vehicle:
         vehicle: vehicle of concrete numbers.
         names: joints without a stated ``coulomb_rate``.
     """
+    # nothing to bend, so the costly mobilities are not computed
     if not any(joint.name in names and joint.coulomb for joint in vehicle.joints):
         return vehicle
     links, mobilities = list(vehicle.links), joint_mobility(vehicle)
@@ -124,6 +133,7 @@ def with_smooth_friction(vehicle: Vehicle, names: Collection[str]) -> Vehicle:
         return vehicle
     # what viscous damping does alone is the file's own number: if that is too stiff,
     # both plants say so
+    # a tenth of room above the viscous rate, which bending dry friction cannot lower
     limit = max(WANTED, 1.1 * viscous)
     while True:
         rate, shares = _fastest(_slopes(links), mobilities)
@@ -133,6 +143,7 @@ def with_smooth_friction(vehicle: Vehicle, names: Collection[str]) -> Vehicle:
                 links, of_mirrored(shares, mobilities).tolist(), strict=True
             )
         ]
+        # without dry friction left to bend, the rest is the file's own
         if rate <= limit or max(dry) == 0.0:
             break
         for i, own in enumerate(dry):
@@ -170,7 +181,10 @@ def _fastest(slopes: Sequence[float], mobilities: Array) -> tuple[float, Array]:
     if not np.all(np.isfinite(product)):
         return 0.0, np.zeros(len(slopes))
     rates, modes = np.linalg.eigh(product)
+    # the posture with the fastest rate decides
     worst = int(np.argmax(rates[:, -1]))
+    # energy of the fastest mode in each joint, per slope; 1e-300 for joints without
+    # friction
     return float(rates[worst, -1]), modes[worst, :, -1] ** 2 / np.maximum(
         slopes, 1e-300
     )

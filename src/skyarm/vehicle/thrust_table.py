@@ -68,6 +68,7 @@ class ThrustTable:
         for name in COLUMNS:
             self._check(name, getattr(self, name))
         squares = [w * w for w in self.speed]
+        # an int marks a coefficient that nobody stated; a float is kept, also 0.0
         if type(self.thrust_coefficient) is int:
             object.__setattr__(self, "thrust_coefficient", _fit(squares, self.thrust))
         if type(self.moment_coefficient) is int and self.torque:
@@ -90,6 +91,8 @@ class ThrustTable:
             name in ("thrust", "torque")
             and column
             and concrete(first, speed)
+            # a column that is zero at a speed, or not zero at rest, has no parabola
+            # through the origin
             and (first == 0.0) != (speed == 0.0)
         ):
             refuse(
@@ -110,6 +113,7 @@ class ThrustTable:
         """Drag torque at a speed over thrust and moment coefficients, (rad/s)^2;
         ``push`` without torque data.
         """
+        # without torque data drag torque is taken proportional to thrust
         if not self.torque:
             return self.push(speed)
         scale = self.thrust_coefficient * self.moment_coefficient
@@ -122,6 +126,7 @@ class ThrustTable:
         square = inverse_curve(
             push * self.thrust_coefficient, *self._points(self.thrust)
         )
+        # rounding may leave a square below zero near rest
         return sqrt(maximum(square, 0.0))
 
     def current_at(self, speed: Scalar) -> Scalar:
@@ -133,6 +138,8 @@ class ThrustTable:
         point at zero speed.
         """
         squares = [w * w for w in self.speed]
+        # a first row at rest is the point itself; twice the same abscissa would break
+        # the cubic
         if concrete(self.speed[0]) and self.speed[0] == 0.0:
             return squares, list(column)
         return [0.0, *squares], [0.0, *column]

@@ -64,6 +64,7 @@ class Tilt:
                 tuple(self.axis),
                 f"must be perpendicular to the rotor's axis {tuple(thrust_axis)}",
             )
+        # rest inside the range, because plants begin with all tilts at zero
         for name, low in (("lower", -math.pi), ("upper", 0.0)):
             value = getattr(self, name)
             if concrete(value) and not low <= value <= low + math.pi:
@@ -88,6 +89,7 @@ def arm_direction(field: str, position: Iterable[Any], thrust_axis: Vec3) -> Vec
     hub = Vec3(*map(float, position))
     across = hub - thrust_axis * thrust_axis.dot(hub)
     length = math.sqrt(across.dot(across))
+    # 1e-9 m is far below any hub's place and far above rounding
     if not length > 1e-9:
         raise VehicleError(
             f"{field}.axis = (missing): must stand here: the hub is not beside the"

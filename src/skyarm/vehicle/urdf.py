@@ -98,6 +98,7 @@ def read_urdf(
                 element.get("name", ""),
                 "closed chains are not supported",
             )
+        # macros that nobody expanded would be links without numbers
         if "xacro" in str(element.tag):
             refuse(
                 "element",
@@ -119,6 +120,7 @@ def read_robot(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> Rigid
     """
     rotors = rotors_in(RotorFile(path, robot))
     read = {id(element) for rotor in rotors for element in rotor.elements}
+    # a plugin that a rotor was read from is not reported as unread
     for plugin in robot.iter("plugin"):
         if id(plugin) not in read:
             notes.add(
@@ -142,6 +144,8 @@ def urdf_vehicle(bodies: RigidBodies) -> Vehicle:
     becomes the end effector.
     """
     document = {"schema": 1, "name": bodies.name, "urdf": bodies.name}
+    # a robot without end effector still flies; only a frame called tip is sure to be
+    # one
     if any(frame.name == "tip" for frame in bodies.frames):
         document["end_effector"] = "tip"
     return vehicle_from(document, lambda *_: bodies)
@@ -158,6 +162,7 @@ def _bodies(
     parents = {
         name: _end(joint, "parent", file.links) for name, joint in file.above.items()
     }
+    # the base is the one link that no joint moves
     if len(roots) > 1:
         refuse("links without a parent", roots, "must be exactly one, the base")
     root = "".join(roots)
@@ -172,6 +177,7 @@ def _bodies(
         )
         value = _constant_value(joint, file, mimic, notes)
         if value is None:
+            # joints of rotors disappear later, so notes on their limits would mislead
             heard = Notes() if name in spun else notes
             seats[name] = tree.add_link(
                 name, at.link, read_joint(joint, at.rotation, at.position, heard)
@@ -185,6 +191,8 @@ def _bodies(
         for body in _inertial(file.links[name]):
             tree.add_body(
                 seat.link,
+                # a body at its link's own frame is not transformed, which keeps its
+                # numbers exact
                 body.transform(seat.rotation, seat.position) if seat.name else body,
             )
         tree.looks += [
@@ -215,7 +223,9 @@ def _without_freedom(
     )
     chain = [file.above[name] for name in links[1 : first + 1]]
     kinds = [joint.get("type") for joint in chain]
+    # a branch before the first body is an arm of the root, not its freedom
     alone = {parents[name] for name in links[first + 1 :]}.isdisjoint(links[:first])
+    # one slide alone may be a rail of an arm
     if not alone or ("floating" not in kinds and kinds.count("prismatic") < 2):
         return links[0], links[1:]
     for joint in chain:
@@ -242,6 +252,7 @@ def _constant_value(
     last = follow(name, file.mimics)
     value, leader = resting(last, file.joints), last.joint
     if mimic == "couple":
+        # checked here, because resting() takes an unknown leader as at zero
         if leader not in file.joints:
             refuse(
                 f"joint[{name}].mimic.joint",
@@ -374,6 +385,7 @@ def limits(joint: ET.Element) -> tuple[float, float]:
                 limit.get(word),
                 "must be on the other side of 0, or finite",
             )
+    # a missing limit is 0 by the specification where that leaves a range, else none
     if math.isnan(lower):
         lower = 0.0 if upper > 0.0 else -math.inf
     if math.isnan(upper):
@@ -388,6 +400,7 @@ def fixed_at(joint: ET.Element) -> float | None:
     if kind_of_joint(joint) == "fixed":
         return 0.0
     limit = child(joint, "limit", f"joint[{joint.get('name')}]")
+    # a limit that is left out is no equal limit
     stated = limit is not None and None not in (limit.get("lower"), limit.get("upper"))
     lower, upper = limits(joint)
     return lower if stated and lower == upper else None
@@ -438,6 +451,7 @@ def read_joint(joint: ET.Element, R: Mat3, p: Vec3, notes: Notes) -> Joint:
         )
     values: dict[str, Any] = {
         "lower": lower,
+        # URDF demands an effort; a file without one says nothing of a drive
         "upper": upper,
         "effort_limit": 0.0 if math.isnan(effort) else effort,
     }
@@ -474,6 +488,7 @@ def read_mimics(joints: Mapping[str, ET.Element]) -> dict[str, Mimic]:
     for name, joint in joints.items():
         field = f"joint[{name}]"
         mimic = child(joint, "mimic", field)
+        # two equal limits fix a joint, and then it follows nobody
         if mimic is None or fixed_at(joint) is not None:
             continue
         ratio = number(mimic, "multiplier", f"{field}.mimic", 1.0)
@@ -524,6 +539,7 @@ def _candidates(address: str, urdf: Path) -> list[Path]:
         return [folder / address]
     package, *inside = PurePosixPath(address.removeprefix(PACKAGE)).parts or ("",)
     above = [folder, *folder.parents]
+    # nearest packages first: the one around the file, then those beside it
     roots = [each for each in above if each.name == package]
     roots += [each / package for each in above]
     roots += [each for each in above if (each / "package.xml").is_file()]
@@ -539,13 +555,12 @@ def looks_of(link: ET.Element, urdf: Path, notes: Notes) -> list[Look]:
         urdf: the file.
         notes: notes of its reader.
     """
-    name, looks = link.get("name", ""), []
+    name = link.get("name", "")
+    looks = []
     for visual in link.findall("visual"):
         for mesh in visual.findall("geometry/mesh"):
-            file, field = (
-                mesh_file(mesh.get("filename", ""), urdf),
-                f"link[{name}].visual",
-            )
+            file = mesh_file(mesh.get("filename", ""), urdf)
+            field = f"link[{name}].visual"
             if file is None or file.suffix.lower() != ".stl":
                 why = "is not there" if file is None else "is no .stl"
                 notes.add(
@@ -556,6 +571,8 @@ def looks_of(link: ET.Element, urdf: Path, notes: Notes) -> list[Look]:
                 # a picture that cannot be drawn changes nothing of how the vehicle
                 # flies
                 rotation, position = origin_of(visual, field)
+                # a mesh in millimetres or far away would shrink everything else in the
+                # picture
                 if max(map(abs, position)) > FARTHEST:
                     refuse(
                         f"{field}.origin.xyz",
@@ -591,6 +608,7 @@ def origin_of(element: ET.Element, field: str) -> tuple[Mat3, Vec3]:
     """
     origin = child(element, "origin", field)
     xyz = numbers(origin, "xyz", f"{field}.origin", (0.0, 0.0, 0.0))
+    # an element of our own readers: it carries the poses of SDF files in full digits
     if origin is not None and origin.get("quat_xyzw"):
         x, y, z, w = numbers_of(
             origin.get("quat_xyzw", ""), f"{field}.origin.quat_xyzw", 4

@@ -66,6 +66,7 @@ def load_with_bodies(name_or_path: PathLike) -> tuple[Vehicle, RigidBodies | Non
     if is_robot(text):
         with naming_file(text):
             return _plain_vehicle(robot_file(text))
+    # rotors without bodies get a message of their own, so the file is opened
     if path.suffix in ROTORS_ALONE and path.is_file():
         with naming_file(text):
             alone = bool(rotors_in(RotorFile(path)))
@@ -85,6 +86,7 @@ def load_with_bodies(name_or_path: PathLike) -> tuple[Vehicle, RigidBodies | Non
             f"{must_be_one_of(list_vehicles(), text)}, or the path of a .toml, .urdf,"
             " .sdf or .xml (MJCF) file"
         )
+        # a name without a suffix is more likely a mistyped name of the library
         missing = "there is no such file; " if path.suffix and not path.exists() else ""
         raise VehicleError(f"vehicle = {shown(text)}: {missing}{allowed}")
     reason = unreadable(path)
@@ -131,24 +133,12 @@ def _from_toml(
     it, to detect cycles.
     """
     chain = above if file is None else (*above, file.resolve())
+    # paths in a file count from its folder
     refer = partial(_read, folder=Path() if file is None else file.parent, chain=chain)
     with errors_as(VehicleError):
         document = read_toml(content)
         require_kind(document, "vehicle")
         return vehicle_from(document, refer, Path() if file is None else file.parent)
-
-
-def vehicle_of_text(text: str, file: Path) -> Vehicle:
-    """Make the vehicle that the text of a vehicle file describes.
-
-    Args:
-        text: TOML.
-        file: file of the text; paths in it start at its folder.
-
-    Raises:
-        VehicleError: one line with field, value and what is allowed.
-    """
-    return _from_toml(text.encode(), file)
 
 
 ROTORS_ALONE = (".yaml", ".yml", ".params")
@@ -180,11 +170,13 @@ def read_rigid(
     Raises:
         VehicleError: without the file's name, which the caller adds.
     """
+    # readers are imported where they are needed, because MuJoCo is slow to load
     if path.suffix in OTHERS["urdf"]:
         from skyarm.vehicle.urdf import read_urdf
 
         bodies = read_urdf(path, mimic, xacro or {})
         if base not in ("", bodies.root):
+            # a URDF file has one root, so another name is a mistake
             refuse("base", base, f"must be {bodies.root}, the root of the file")
         return bodies
     if path.suffix in OTHERS["sdf"]:
@@ -231,6 +223,7 @@ def _read(
                 base,
                 f"must be left out: the file that {name} names says it",
             )
+        # a name of the library wins over a file of that name without a suffix
         if named and name in list_vehicles():
             return _from_toml((LIBRARY / f"{name}.toml").read_bytes(), None)
         if path.suffix not in suffixes:
@@ -238,6 +231,7 @@ def _read(
         reason = unreadable(path)
         if reason:
             refuse(field, name, f"{reason} ({shown(str(path))[1:-1]})")
+        # resolved paths, so that a ring through links or .. is found
         if path.resolve() in chain:
             refuse(field, name, "must not lead back to a file that refers to it")
     except OSError as error:
@@ -288,6 +282,7 @@ def carried_robots() -> dict[str, Path]:
     """URDF files of the package example-robot-data by robot name; empty if the package
     is not installed.
     """
+    # cmeel installs below its own prefix, conda and apt below the environment's
     for folder in dict.fromkeys((*sys.path, sys.prefix)):
         for prefix in (Path(folder) / "cmeel.prefix", Path(folder)):
             if (prefix / CARRIED).is_dir():

@@ -59,6 +59,7 @@ Rolling = Literal["rotors_sim", "signed"]
 def rotation_sense(field: str, value: object) -> int:
     """Convert a rotor's sense of rotation; anything but 1 and -1 raises an error."""
     sign = plain_number(value)
+    # True would pass as 1
     if isinstance(sign, bool) or not isinstance(sign, (int, float)) or abs(sign) != 1:
         refuse(
             field, value, "must be 1 (ccw, seen from the tip of its axis) or -1 (cw)"
@@ -185,10 +186,13 @@ class Rotor:
         accept_named(self, "rotor")
 
     @property
+    # a moment coefficient of half a metre is the drag of no propeller
     def min_speed(self) -> Scalar:
         """Least speed, rad/s: 0, or that of a reversible rotor which turns
         backwards.
         """
+        # an int 0 folds away: a rotor that cannot reverse has no term for its least
+        # speed
         return neg(self.max_speed) if self.reversible else 0
 
     @property
@@ -232,6 +236,7 @@ class Frame:
     ] = Mat3.identity()
 
     def __post_init__(self) -> None:
+        # a look reads its fields by the same rules, but its errors name a picture
         accept_named(self, "frame" if type(self) is Frame else "look")
 
 
@@ -286,6 +291,7 @@ class MountedDrive:
 
     def __post_init__(self) -> None:
         accept_fields(self, "drives", VehicleError)
+        # any class with an effort is a drive, so users' own drives need no base class
         if not callable(getattr(self.drive, "effort", None)):
             refuse(f"drives.{self.name}", self.drive, "must be a Drive")
 
@@ -393,6 +399,7 @@ class Vehicle:
         """Vehicle with some fields replaced by values that are already checked; skips
         the checks for speed.
         """
+        # frozen, and its checks would repeat what the caller's vehicle has passed
         made = object.__new__(Vehicle)
         for name in field_names(Vehicle) or ():
             object.__setattr__(made, name, parts.get(name, getattr(self, name)))
@@ -432,16 +439,15 @@ class Vehicle:
         """Words that propose an end effector: what files call it, else the only link at
         an end; "" without either.
         """
-        frames, links = (
-            [each.name for each in self.frames],
-            [each.name for each in self.links],
-        )
+        frames = [each.name for each in self.frames]
+        links = [each.name for each in self.links]
+        # a chain: each link on the one before it, so its last link is the only end
         is_chain = [each.parent for each in self.links] == list(
             range(-1, len(links) - 1)
         )
-        called = [
-            name for word in TIPS for name in (*frames, *links) if name.endswith(word)
-        ]
+        called = list[str]()
+        for ending in TIPS:
+            called += [name for name in (*frames, *links) if name.endswith(ending)]
         for name in called or links[-1:] * is_chain:
             frame = (
                 ""
@@ -476,6 +482,7 @@ class Vehicle:
             for frame in self.frames
         }
         return (
+            # the end effector's own mass comes first and has the short path
             {**masses[self.end_effector], **masses}
             if self.end_effector
             else dict(masses)
@@ -500,6 +507,7 @@ class Vehicle:
         """
         if link == BASE:
             return replace(self, base=self.base.merge(load))
+        # followers are counted after the links, as in frames and wrenches
         if link >= self.n:
             followers, k = list(self.followers), link - self.n
             moved = replace(followers[k].link, body=followers[k].link.body.merge(load))
@@ -533,6 +541,8 @@ def _require_whole(value: Vehicle) -> None:
     """Check a vehicle as a whole: unique names, order of links, existing references,
     physical consistency.
     """
+    # a batch or a trace is checked where its numbers are known; a planar base has one
+    # moment only
     solid = concrete(value.base.mass) and not value.base.planar
     inertia(
         "base.inertia",
@@ -547,6 +557,7 @@ def _require_whole(value: Vehicle) -> None:
     unique("rotors.name", [each.name for each in value.rotors])
     unique("frames.name", [each.name for each in value.frames])
     for index, link in enumerate(value.links):
+        # index order is the order of all recursions from the base to the tips
         if not -1 <= link.parent < index:
             refuse(
                 f"links[{link.name}].parent",
@@ -581,6 +592,7 @@ def _require_whole(value: Vehicle) -> None:
             f"{allowed}{'' if value.frames else '; [[frames]] makes one'}",
         )
     _require_drives(value)
+    # last, because its mass matrix needs a tree that is otherwise sound
     if found := what_does_not_move(value):
         refuse(*found)
 
@@ -589,6 +601,7 @@ def _require_joint(field: str, value: Joint) -> None:
     """Check the kind and limits of one joint."""
     if value.kind not in ("revolute", "prismatic"):
         refuse(f"{field}.kind", value.kind, "must be 'revolute' or 'prismatic'")
+    # traced limits cannot be compared
     if concrete(value.lower, value.upper) and not value.lower < value.upper:
         held = (
             f"; [[joints]] hold = {value.upper!r} fixes a joint of another file"
@@ -615,6 +628,8 @@ def _require_drives(value: Vehicle) -> None:
                 f"{must_be_one_of(joints, name)}{', once' * bool(joints)}",
             )
         limit = value.links[joints.index(name)].joint.effort_limit
+        # a drive on a joint without effort would never move it, which no one states on
+        # purpose
         if concrete(limit) and limit == 0:
             allowed = f"must be above 0: it leaves drives.{name} no torque"
             refuse(f"joints[{name}].effort_limit", limit, allowed)
@@ -645,6 +660,7 @@ def _require_follower(value: Vehicle, each: Follower, index: int) -> None:
             each.ratio,
             "must not be 0; a joint that never moves is fixed",
         )
+    # a follower has no coordinate, so these would be lost without a word
     for name in ("damping", "coulomb", "armature", "stop_stiffness"):
         if concrete(getattr(link.joint, name)) and getattr(link.joint, name) != 0:
             refuse(

@@ -88,13 +88,18 @@ def vehicle_from(
         ValueError: one line with field, value and what is allowed.
     """
     top = Fields(dict(document), "", named=True)
+    # a bool is an int in Python, and schema = true would pass
     if (schema := top.take("schema")) != 1 or isinstance(schema, bool):
         refuse("schema", schema, "must be 1")
     mimic = top.choice("mimic", MIMIC, "lock")
     bodies, airframe = _bodies(top, refer, mimic)
     bodies = _with_rotor_file(bodies, top.inner("rotor_file"), folder)
     joints = [link.joint.name for link in bodies.links]
+    # joints of an airframe or another file may be changed by [[joints]], those of this
+    # file stand in their links
     own = [] if airframe or _source(top) else joints
+    # joints of a vehicle file are settled: their stops and drives were stated or chosen
+    # there
     settled, drives = (joints, list(airframe.drives)) if airframe else ([], [])
     for fields in top.tables("attach"):
         bodies, arm = _attach(bodies, fields, refer, mimic)
@@ -105,6 +110,8 @@ def vehicle_from(
     changes: dict[str, dict[str, float]] = {}
     held: dict[str, float] = {}
     for fields in _named_tables(top, "joints"):
+        # a joint that is held has nothing else to state, so all else is refused by
+        # done()
         changes[name := fields.text("name")] = {}
         if "hold" not in fields.table:
             changes[name] = numbers_from(Joint, fields)
@@ -112,6 +119,7 @@ def vehicle_from(
         else:
             held[name] = fields.number("hold")
         fields.done()
+    # overrides first: a joint may be held only within the limits that stay
     bodies = hold_joints(_override_joints(changes, held, bodies, own), held)
     bodies.require_no_faults()
     if len(bodies.links) > MOST_JOINTS:
@@ -124,14 +132,21 @@ def vehicle_from(
         bodies, read_rotor_tables(top, any(each.tilt_joint for each in bodies.rotors))
     )
     every = top.choice("inertia_repair", ("small", "nearest"), "small") == "nearest"
+    # after the rotors' links were merged, because only the whole bodies have to be
+    # physical
     bodies, rotors = with_real_inertias(flying.bodies, every=every), flying.rotors
     if _source(top):
         bodies.require_airframe()
     frames = tuple(_frame(fields, bodies) for fields in top.tables("frames"))
     links, followers, fixed = couple(
-        bodies.links, (*bodies.frames, *frames, *bodies.looks), bodies.mimics
+        # followers leave the list of links, so the indices of frames and looks change
+        # with it
+        bodies.links,
+        (*bodies.frames, *frames, *bodies.looks),
+        bodies.mimics,
     )
     stated = mounted_drives(top.inner("drives").table, "drives", bodies.speeds)
+    # stated drives stand in place of the file's, and joints that became fixed have none
     open_to = {link.joint.name for link in links} - {each.name for each in stated}
     own_drives, unmounted = drives_of_file(
         replace(bodies, drives={k: v for k, v in bodies.drives.items() if k in open_to})
@@ -178,10 +193,12 @@ def vehicle_from(
     )
     limits = top.choice("joint_limits", ("stop", "end"), "stop")
     top.done()
+    # a rate that somebody stated is not bent, however stiff
     rate_stated = {*own, *settled, *stating("coulomb_rate")}
     made = with_smooth_friction(made, set(made.joint_names) - rate_stated)
     return (
         made
+        # without stops a limit ends the episode, as the user asked
         if limits == "end"
         else with_stops(made, {*settled, *stating("stop_stiffness")})
     )
@@ -236,6 +253,7 @@ def _bodies(
                 "base: is missing: must be a table, or 'urdf' the path of a URDF file"
             )
         return _own_bodies(top), None
+    # base may be the name of a body of another file as well as a table
     named = base if isinstance(base, str) else ""
     referred = refer(
         source,
@@ -288,6 +306,7 @@ def _arguments(fields: Fields, file: str) -> dict[str, str]:
             fields.at("xacro"), "a table", f"must be left out: {file} is no .xacro file"
         )
     return {
+        # xacro compares with true and false in lower case
         name: str(value).lower() if value in (True, False) else str(value)
         for name, value in table.items()
     }
@@ -317,6 +336,7 @@ def _own_bodies(top: Fields) -> RigidBodies:
         if (table := inner.take("mimic", None)) is not None:
             mimics[joint.name] = record_from(Mimic, Fields(table, inner.at("mimic")))
         inner.done()
+        # an index into the tree's order, in which parents stand first
         parent = BASE if parents[link] == "base" else order.index(parents[link])
         links.append(
             Link(
@@ -338,11 +358,13 @@ def _body(fields: Fields, read_elsewhere: Sequence[str]) -> Body:
         fields.take(word, None)
     parts = _named_tables(fields, "parts")
     stated = [word for word in ("mass", "com", "inertia") if fields.states(word)]
+    # a link of parts alone has no body of its own
     pieces = [
         _piece(each) for each in ([fields, *parts] if stated or not parts else parts)
     ]
     planar = fields.flag("planar", False)
     for each in (*parts, fields):
+        # done() after all reads: what is left over is a misspelt key
         each.done()
     whole = description.body(pieces)
     return replace(whole, planar=whole.planar or planar)
@@ -351,10 +373,8 @@ def _body(fields: Fields, read_elsewhere: Sequence[str]) -> Body:
 def _piece(fields: Fields) -> Body:
     mass = numbers_from(Body, fields)
     planar = fields.flag("planar", False)
-    com, entries = (
-        fields.vector("com", (0.0, 0.0, 0.0)),
-        fields.numbers("inertia", (0.0, 0.0, 0.0)),
-    )
+    com = fields.vector("com", (0.0, 0.0, 0.0))
+    entries = fields.numbers("inertia", (0.0, 0.0, 0.0))
     if len(entries) not in (3, 6):
         allowed = "must be three (xx yy zz) or six (xx yy zz xy xz yz) numbers, kg m^2"
         refuse(fields.at("inertia"), list(entries), allowed)
@@ -362,6 +382,7 @@ def _piece(fields: Fields) -> Body:
     piece = make_at(
         fields.where, Body, **mass, com=placed, inertia=turning, planar=planar
     )
+    # each part must be possible by itself: the sum would hide an impossible one
     check.inertia(fields.at("inertia"), piece.inertia, planar=planar)
     return piece
 
@@ -369,10 +390,8 @@ def _piece(fields: Fields) -> Body:
 def _joint(fields: Fields) -> Joint:
     axis = description.unit_axis(fields.at("axis"), fields.vector("axis"))
     R, p = _pose(fields)
-    kind, name = (
-        fields.choice("kind", ("revolute", "prismatic"), "revolute"),
-        fields.text("name"),
-    )
+    kind = fields.choice("kind", ("revolute", "prismatic"), "revolute")
+    name = fields.text("name")
     return Joint(
         name=name,
         kind=kind,
@@ -385,11 +404,9 @@ def _joint(fields: Fields) -> Joint:
 
 def _pose(fields: Fields) -> tuple[Mat3, Vec3]:
     """Read the pose of a frame relative to another frame: rotation and position (m)."""
-    R, rpy, wxyz = (
-        Mat3.identity(),
-        fields.take("rpy", None),
-        fields.take("quaternion_wxyz", None),
-    )
+    R = Mat3.identity()
+    rpy = fields.take("rpy", None)
+    wxyz = fields.take("quaternion_wxyz", None)
     if rpy is not None and wxyz is not None:
         refuse(fields.at("rpy"), rpy, "must not be given together with quaternion_wxyz")
     if wxyz is not None:
@@ -403,6 +420,7 @@ def _pose(fields: Fields) -> tuple[Mat3, Vec3]:
         R = description.rotation_quaternion(fields.at("quaternion_wxyz"), four)
     elif rpy is not None:
         angles = fields.vector("rpy")
+        # one turn and a margin; more is an angle in degrees
         if max(map(abs, angles)) > TURN[0]:
             refuse(fields.at("rpy"), rpy, "must be within a turn: rad, not degrees")
         R = description.rotation_rpy(angles)
@@ -433,6 +451,7 @@ def _attach(
         base,
         _arguments(fields, arm),
     )
+    # an arm's vehicle file must bring no second source of thrust or of power
     carried = referred if isinstance(referred, Vehicle) else None
     if carried is not None and carried.rotors:
         words = (
@@ -474,10 +493,12 @@ def _override_joints(
         if link.joint.name not in own
     }
     # ball joints
+    # a ball joint is no joint here and may only be held, at rest
     only_held = {
         name: (0.0, 0.0) for joints in bodies.faults.values() for name in joints
     }
     for name, value in held.items():
+        # a held joint without limits may stand anywhere
         low, high = (only_held | ends).get(name, (value, value))
         if not low <= value <= high:
             refuse(
@@ -485,6 +506,7 @@ def _override_joints(
                 value,
                 f"must be within the joint's limits, {float(low)!r} to {float(high)!r}",
             )
+    # names that messages may propose: a ball joint only if it is held
     changeable = [*ends, *(held.keys() & only_held)]
     for name in changes:
         if name in own:
@@ -507,6 +529,8 @@ def _override_joints(
         replace(k, joint=replace(k.joint, **changes.get(k.joint.name, {})))
         for k in bodies.links
     )
+    # armature that the user adds moves with the joint, so the servo's inertia grows by
+    # it
     more = {
         k.joint.name: float(links[i].joint.armature - k.joint.armature)
         for i, k in enumerate(bodies.links)
@@ -538,6 +562,8 @@ def mounted_drives(
     mounted = []
     for joint, table in tables.items():
         drive: Any = registered_from("drive", object, table, f"{where}.{joint}")
+        # a rate that the robot's file states limits a drive that has such a field and
+        # states none
         if (
             speeds.get(joint)
             and hasattr(drive, "speed_limit")
@@ -584,6 +610,7 @@ def _with_limits_of_drives(
 
     def limit_effort(link: Link) -> Link:
         drive, limit = given.get(link.joint.name), link.joint.effort_limit
+        # traced limits stay, and so does one that somebody stated, also 0
         if drive is None or not concrete(limit) or limit != 0:
             return link
         return replace(

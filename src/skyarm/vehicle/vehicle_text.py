@@ -19,7 +19,7 @@ from skyarm.records.units import scalars
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.description import unit_quaternion
 from skyarm.vehicle.linkage import BASE, Body, Joint
-from skyarm.vehicle.rotor_tables import COEFFICIENTS
+from skyarm.vehicle.rotor_tables import coefficients_of
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.vehicle_records import Frame, MountedDrive, Rotor, Vehicle
 
@@ -54,6 +54,7 @@ def vehicle_text(
     top: Table = {"schema": 1, "name": vehicle.name}
     if vehicle.title:
         top["title"] = vehicle.title
+    # left out where it is empty, because a key must have a value
     if vehicle.end_effector:
         top["end_effector"] = vehicle.end_effector
     if vehicle.followers:
@@ -62,6 +63,7 @@ def vehicle_text(
     lines += _section("[base]", _body(vehicle.base), "base", notes)
     names = [link.name for link in vehicle.moving]
     of_follower = {each.name: each for each in vehicle.followers}
+    # in the order of the vehicle, parents first, as the reader demands
     for link in vehicle.moving:
         at = f"links.{link.name}"
         parent = {
@@ -111,6 +113,8 @@ def _lines(table: Table, at: str, notes: Notes) -> list[str]:
     """Lines of a table's entries in a vehicle file, each with its comment."""
     lines = []
     for name, value in table.items():
+        # a note of several lines stands above its entry, because a comment ends with
+        # the line
         note = notes.get(f"{at}.{name}", "").split("\n")
         lines += [f"# {line}" for line in note if len(note) > 1]
         lines.append(
@@ -146,6 +150,8 @@ def rotor_lines(
         for name, value in (tables[0] if tables else {}).items()
         if name not in PLACED
     }
+    # shared only if every rotor has the same value, so that reading back gives each its
+    # own
     shared = {
         name: value
         for name, value in shared.items()
@@ -174,10 +180,8 @@ def _rotor(rotor: Rotor) -> Table:
     )
     entries["direction"] = "ccw" if rotor.direction > 0 else "cw"
     if rotor.table is not None:
-        for name in (
-            "table",
-            *(COEFFICIENTS if rotor.table.torque else COEFFICIENTS[:1]),
-        ):
+        # the reader takes coefficients from the table and refuses them beside it
+        for name in ("table", *coefficients_of(rotor.table)):
             del entries[name]
         entries["thrust_table"] = _thrust_table(rotor, rotor.table)
     if rotor.tilt is not None:
@@ -189,6 +193,8 @@ def _thrust_table(rotor: Rotor, table: ThrustTable) -> Table:
     """Thrust table for a vehicle file, with thrust and torque scaled to the rotor's own
     coefficients.
     """
+    # a rotor may have been scaled after its table was made, so its columns are scaled
+    # alike
     thrust = float(rotor.thrust_coefficient) / float(table.thrust_coefficient)
     columns: Table = {"thrust": [float(each) * thrust for each in table.thrust]}
     if table.torque:
@@ -196,14 +202,13 @@ def _thrust_table(rotor: Rotor, table: ThrustTable) -> Table:
             thrust * float(rotor.moment_coefficient) / float(table.moment_coefficient)
         )
         columns |= {"torque": [float(each) * torque for each in table.torque]}
-    named = COEFFICIENTS if table.torque else COEFFICIENTS[:1]
-    return _record(
-        replace(table, **columns, **{name: getattr(rotor, name) for name in named})
-    )
+    scales = {name: getattr(rotor, name) for name in coefficients_of(table)}
+    return _record(replace(table, **columns, **scales))
 
 
 def _body(body: Body) -> Table:
     entries = list(map(float, body.inertia.entries))
+    # three moments suffice without products
     inertia = entries if any(entries[3:]) else entries[:3]
     return {**_record(body, ("com", "inertia")), "inertia": inertia}
 
@@ -254,6 +259,7 @@ def _record(record: object, always: Collection[str] = ()) -> Table:
     vectors = (
         (name, each) for name, each in parts(record).items() if isinstance(each, Vec3)
     )
+    # integers 0 and 1 of compiled code are written as numbers of the file's field
     return (
         entry
         | numbers

@@ -20,6 +20,7 @@ def _own_name(mark: Path) -> str:
     """Name of a package in its ``package.xml``, which need not be that of its folder;
     "" if it states none.
     """
+    # a broken encoding must not hide the name of the package
     stated = re.search(r"<name>\s*(\S+?)\s*</name>", mark.read_text("utf-8", "replace"))
     return stated[1] if stated else ""
 
@@ -67,9 +68,12 @@ def expand_xacro(path: Path, arguments: Mapping[str, str]) -> bytes:
         raise VehicleError(
             f"xacro: is missing; a .xacro file {needs_extra('xacro')}"
         ) from None
+    # a cache of a package that another file found would point to its folder
     packages.reset()
     marks = [
         mark
+        # from the outermost folder inwards, so that the nearest package stays in the
+        # cache
         for above in reversed(path.resolve().parents)
         for mark in above.glob("*/package.xml")
     ]
@@ -87,6 +91,7 @@ def expand_xacro(path: Path, arguments: Mapping[str, str]) -> bytes:
     except Exception as error:
         # of its macros, its expressions and the files that it includes
         fault = str(error)
+    # by identity: only the placeholder itself is an argument that is missing
     if missing := [name for name, value in given.items() if value is GUESS]:
         fault = f"arguments {', '.join(missing)} are missing"
     if fault:

@@ -49,6 +49,7 @@ def parse_xml(text: bytes, note: Callable[[str], None] = _refuse) -> ET.Element:
     Raises:
         VehicleError: without the file's name, which the caller adds.
     """
+    # expat refuses blank lines before the declaration
     text = text.lstrip()
     # expat knows none of several bytes, such as GB2312
     if declared := ENCODING.match(text):
@@ -56,6 +57,7 @@ def parse_xml(text: bytes, note: Callable[[str], None] = _refuse) -> ET.Element:
             text = text.decode(declared[1].decode()).encode()
         except (LookupError, UnicodeError) as error:
             _refuse(str(error))
+    # of equal length, so that positions in error messages stay those of the file
     plain = MARKUP.sub(_plain_comment, text)
     if plain != text:
         note("'--' inside a comment: forgiven")
@@ -64,14 +66,14 @@ def parse_xml(text: bytes, note: Callable[[str], None] = _refuse) -> ET.Element:
         tree = ET.TreeBuilder()
         parser = expat.ParserCreate("utf-8" if declared else None, separator)
         parser.StartElementHandler, parser.EndElementHandler = tree.start, tree.end
-        parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = (
-            tree.data,
-            _refuse_doctype,
-        )
+        parser.CharacterDataHandler = tree.data
+        parser.StartDoctypeDeclHandler = _refuse_doctype
         try:
             parser.Parse(plain, True)
         except expat.ExpatError as error:
             forgiven = getattr(error, "code", 0) == UNBOUND_PREFIX
+            # unbound prefixes of robots' files are common; any other error is not
+            # forgiven
             (note if forgiven else _refuse)(
                 f"{error}{', which no xmlns declares: forgiven' if forgiven else ''}"
             )
@@ -97,6 +99,7 @@ def require_root(root: ET.Element, tag: str) -> None:
 
 
 def _refuse_doctype(*_: object) -> None:
+    # entities could grow without bound or read other files
     _refuse("document types and entities are not read")
 
 
@@ -104,6 +107,7 @@ def _plain_comment(match: re.Match[bytes]) -> bytes:
     """Comment of equal length without two hyphens in a row; other markup as it
     stands.
     """
+    # only comments are changed: CDATA and processing instructions may hold -- rightly
     return (
         match[0]
         if match[1] is None
@@ -115,6 +119,7 @@ def child(element: ET.Element, tag: str, field: str) -> ET.Element | None:
     """Child of an XML element with a tag that may occur at most once; None if there is
     no such child.
     """
+    # two elements would leave the choice to chance
     children = element.findall(tag)
     if len(children) > 1:
         refuse(
@@ -191,10 +196,10 @@ def numbers_of(text: str, field: str, count: int) -> list[float]:
     """Finite numbers that a text holds: three, six of a pose, four or seven with a
     quaternion.
     """
-    words = text.split()
-    if len(words) != count:
+    entries = text.split()
+    if len(entries) != count:
         refuse(field, text, f"must be {COUNTS.get(count, count)} numbers")
-    return [finite(word, field) for word in words]
+    return [finite(entry, field) for entry in entries]
 
 
 def finite(text: str, field: str, *, infinite: bool = False) -> float:
@@ -202,6 +207,7 @@ def finite(text: str, field: str, *, infinite: bool = False) -> float:
     try:
         value = float(text)
     except ValueError:
+        # one message for what is no number and what is NaN
         value = math.nan
     if not (math.isfinite(value) or (infinite and math.isinf(value))):
         refuse(

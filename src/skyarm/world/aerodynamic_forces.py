@@ -65,13 +65,15 @@ class GroundEffect(Force[tuple[()]]):
         """Additional upward force at each rotor due to the ground effect, as wrenches
         on the base.
         """
-        wrenches, rotors = [], motion.vehicle.rotors
+        wrenches = []
+        rotors = motion.vehicle.rotors
         for i, (rotor, speed, left) in enumerate(
             zip(rotors, rotor_speeds, motion.rotor_shares, strict=True)
         ):
             z = maximum(motion.position(rotor.position).z, self.lowest * self.radius)
             ratio = self.radius * self.radius / (16.0 * z * z)
             for j, other in enumerate(rotors):
+                # the own image is the first term already
                 if self.others and j != i:
                     away = other.position - rotor.position
                     square = away.dot(away) + 4.0 * z * z
@@ -79,6 +81,7 @@ class GroundEffect(Force[tuple[()]]):
                         square * sqrt(square)
                     )
             extra = (
+                # the growth alone: the thrust itself is a force of the rotors
                 rotor.thrust_coefficient * push(rotor, speed) * (ratio / (1.0 - ratio))
             )
             force_W = motion.rotation.apply(rotor.axis * mul(left, extra))

@@ -67,16 +67,19 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
         commands do not: below half of the idle voltage the speeds that follow it take
         less, and would end it in each second period.
         """
-        battery, (charge, before), rotors = self.battery, memory, self.rotors
+        battery = self.battery
+        charge, before = memory
+        rotors = self.rotors
         idle = battery.open_circuit_voltage(charge)
 
         def load(voltage: Scalar, seconds: float = dt) -> Scalar:
             """Power (W) of the rotors after they have followed their commands at a
             voltage (V).
             """
-            heard = self.rotor_commands((1.0, voltage), rotors, commands)
+            # of the memory only the voltage enters here: the charge may be any number
+            received = self.rotor_commands((1.0, voltage), rotors, commands)
             power: Scalar = battery.power(
-                rotors, speeds_after(rotors, state.rotor_speeds, heard, seconds)
+                rotors, speeds_after(rotors, state.rotor_speeds, received, seconds)
             )
             return power
 
@@ -92,13 +95,19 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
             enough = surplus(middle) > 0.0
             return where(enough, middle, bounds[0]), where(enough, bounds[1], middle)
 
+        # bisection: it finds the voltage though the surplus has no derivative at limits
         near, _ = repeat(HALVINGS, halve, (0.5 * idle, idle))
         # a step of Newton's, by which a linearisation knows how the voltage follows the
         # rotors
-        left, aside = surplus(near), NEAR * idle
+        left = surplus(near)
+        aside = NEAR * idle
+        # at most -NEAR: the surplus falls with the voltage, its rounded slope might not
         falls = minimum(divide(surplus(near + aside) - left, aside), -NEAR)
         voltage = where(
-            charge > 0.0, maximum(near - divide(left, falls), 0.5 * idle), 0.0
+            # below half of the idle voltage more current would give less power
+            charge > 0.0,
+            maximum(near - divide(left, falls), 0.5 * idle),
+            0.0,
         )
         over, sagged, current = battery.overload(
             charge, before, lambda at: load(at, SETTLED)

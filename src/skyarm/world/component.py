@@ -268,7 +268,8 @@ class Component(StepLimits[Memory]):
             draws: uniform numbers, twice ``uniforms`` of them.
                 :func:`skyarm.algebra.scalars.philox.normals` makes normal ones of them.
         """
-        return cast("Memory", ())  # as it is of whoever does not define it
+        # a model without a memory of its own has the empty one
+        return cast("Memory", ())
 
     def advance(
         self,
@@ -491,6 +492,7 @@ def by_array(
     for column, number in zip(
         (column for each in components for column in each.columns), numbers, strict=True
     ):
+        # a column may be a plain tuple of the first fields
         groups.setdefault(column[0], []).append(number)
     return groups
 

@@ -66,6 +66,7 @@ class NoisyComponent(Component[Numbers]):
         """Number of uniform random numbers that the noise draws per control period,
         rounded up to an even number.
         """
+        # normal numbers are made in pairs of uniform ones (Box, Muller)
         return 0 if self.noise is None else self.noise_count + self.noise_count % 2
 
     def start(self, period: float, draws: Sequence[Scalar]) -> Numbers:

@@ -94,7 +94,9 @@ class Dryden:
         """
         x, y, z = velocity_W
         level = sqrt(x * x + y * y)
-        blows, length = level > 0.0, where(level > 0.0, level, 1.0)
+        # in calm air the direction is x, as in a file
+        blows = level > 0.0
+        length = where(level > 0.0, level, 1.0)
         along = Vec3(
             where(blows, divide(x, length), 1.0),
             where(blows, divide(y, length), 0.0),
@@ -166,17 +168,18 @@ def start(first: Vec3, second: Vec3, dt: Scalar, *, par: Dryden) -> DrydenMemory
         dt: step of the sequence, s.
         par: the turbulence.
     """
-    inner, output = [], []
+    output = []
     for d, n, m in zip(
         _steps(par, dt)[1:], tuple(first)[1:], tuple(second)[1:], strict=True
     ):
         a, b, gain, h = _second_order(d)
         correlation = divide(a * h + b * gain, gain * gain)
-        inner.append(n)
         output.append(
+            # rounding of a very short step may lift the correlation above 1
             correlation * n + sqrt(maximum(1.0 - correlation * correlation, 0.0)) * m
         )
-    return DrydenMemory(first.x, output[0], output[1], inner[0], inner[1])
+    v, w = output
+    return DrydenMemory(first.x, v, w, first.y, first.z)
 
 
 def step(
@@ -206,8 +209,10 @@ def step(
 
 def velocity(memory: DrydenMemory, *, par: Dryden) -> Vec3:
     """Turbulence velocity (m/s, world axes) for a state of the turbulence filters."""
-    sigma, left = par.intensity, E_Z.cross(par.direction_W)
-    along, across = par.direction_W * (sigma.x * memory.u), left * (sigma.y * memory.v)
+    sigma = par.intensity
+    left = E_Z.cross(par.direction_W)
+    along = par.direction_W * (sigma.x * memory.u)
+    across = left * (sigma.y * memory.v)
     return along + across + E_Z * (sigma.z * memory.w)
 
 
@@ -228,10 +233,13 @@ def _second_order(d: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     """Coefficients of the discrete filter whose autocovariance is (1 - d|k|/2)
     exp(-d|k|).
 
-    The sequence is (1 - a z)^2 y = b (1 + c z) n with z one step back. Its numerator's autocovariance is
-    g0 = 1 - a^4 + 2 a^2 d and g1 = -a ((1 - a^2) + (1 + a^2) d/2); both combinations factor,
+    The sequence is (1 - a z)^2 y = b (1 + c z) n with z one step back. Its numerator's
+    autocovariance is g0 = 1 - a^4 + 2 a^2 d and g1 = -a ((1 - a^2) + (1 + a^2) d/2);
+    both combinations factor,
+
     g0 + 2 g1 = (1 - a)^2 (1 - a^2 - a d) = b^2 (1 + c)^2,
     g0 - 2 g1 = (1 + a)^2 (1 - a^2 + a d) = b^2 (1 - c)^2,
+
     which gives b and c without cancellation. The inner state has unit variance.
     """
     a = exp(-d)

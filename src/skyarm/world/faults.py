@@ -107,7 +107,8 @@ class Fault:
                 "effectiveness": 1.0,
             }
         if fields.table.get("stuck", False) is False and share is None:
-            fields.take("effectiveness")  # is missing
+            # raises: it is missing
+            fields.take("effectiveness")
         return {}
 
     @property
@@ -117,7 +118,8 @@ class Fault:
 
     def check(self, vehicle: Vehicle) -> None:
         """Raise ValueError if the vehicle lacks the rotor or joint of the fault."""
-        rotors, joints = [r.name for r in vehicle.rotors], vehicle.joint_names
+        rotors = [r.name for r in vehicle.rotors]
+        joints = vehicle.joint_names
         for kind, value, names in (
             ("rotor", self.rotor, rotors),
             ("joint", self.joint, joints),
@@ -133,6 +135,7 @@ class Fault:
         """
         left = self.effectiveness
         if self.signal is not None:
+            # a signal may leave 0 to 1, a share of a force may not
             left = clip(mul(left, self.signal.derivatives(t)[0]), 0.0, 1.0)
         return where(t >= self.start, left, 1.0)
 
@@ -152,6 +155,7 @@ def effectiveness_at(
     stuck: dict[str, Scalar] = dict.fromkeys(joints, 0)
     for fault in faults:
         if fault.stuck:
+            # stuck by any of several faults
             stuck[fault.joint] = maximum(
                 stuck[fault.joint], where(t >= fault.start, 1.0, 0.0)
             )

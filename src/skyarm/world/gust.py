@@ -73,7 +73,8 @@ class Gust:
 
     def _in_window(self, t: Scalar, value: Scalar) -> Scalar:
         if absent(value):
-            return 0  # a direction without a gust stays structure
+            # a direction without a gust stays structure
+            return 0
         return where(
             t < self.start, 0.0, where(t < self.start + self.duration, value, 0.0)
         )

@@ -150,7 +150,8 @@ class HangingPayload(TimedPayload):
     def start(self, period: float, draws: Sequence[Scalar]) -> HangingMemory:
         """Initial internal state of the hanging payload, which is not held yet."""
         rest = TimedPayload.start(self, period, draws)
-        begun, still = rest.place, ZERO3_DATA
+        begun = rest.place
+        still = ZERO3_DATA
         return HangingMemory(
             **parts(rest), begun=begun, position=begun, velocity=still, pull=still
         )
@@ -163,12 +164,13 @@ class HangingPayload(TimedPayload):
         """
         at = motion.frame(self.frame or None)
         holder, speed = motion.position(*at), motion.velocity(*at)
-        grasped, caught, gone, place = self.next_status(memory, t, holder)
+        status = self.next_status(memory, t, holder)
+        grasped = status.held > 0.5
+        caught = status.caught > 0.5
         nothing = ZERO3_DATA
-        first = select(
-            caught > 0.5, self.let_down(holder, motion.solids), memory.position
-        )
-        still = select(caught > 0.5, nothing, memory.velocity)
+        # at the instant of the grasp it begins at rest below the frame
+        first = select(caught, self.let_down(holder, motion.solids), memory.position)
+        still = select(caught, nothing, memory.velocity)
         swing = Swing(position=first, velocity=still, holder=holder, pull=nothing)
         swing = repeat(
             SUBSTEPS,
@@ -176,14 +178,11 @@ class HangingPayload(TimedPayload):
             swing,
         )
         return HangingMemory(
-            held=grasped,
-            caught=caught,
-            gone=gone,
-            place=place,
+            **parts(status),
             begun=first,
-            position=select(grasped > 0.5, swing.position, memory.position),
-            velocity=select(grasped > 0.5, swing.velocity, memory.velocity),
-            pull=select(grasped > 0.5, swing.pull * (1.0 / SUBSTEPS), nothing),
+            position=select(grasped, swing.position, memory.position),
+            velocity=select(grasped, swing.velocity, memory.velocity),
+            pull=select(grasped, swing.pull * (1.0 / SUBSTEPS), nothing),
         )
 
     @property
@@ -210,6 +209,7 @@ class HangingPayload(TimedPayload):
         Source: Hart 1996, Sphere tracing.
         """
         below = holder - E_Z * self.hangs
+        # the highest place at which anything stops it
         for solid in solids:
             place = holder
             for _ in range(STEPS):
@@ -235,7 +235,8 @@ class HangingPayload(TimedPayload):
         to_tip = now.holder - now.position
         length = sqrt(to_tip.dot(to_tip) + 1e-24)
         along = to_tip * (1.0 / length)
-        square = motion.gravity / (self.stretch * self.cord)  # k / m
+        # k / m, by which the weight stretches the cord as stated
+        square = motion.gravity / (self.stretch * self.cord)
         damping = 2.0 * self.damping_ratio * sqrt(square)
         tension = square * (length - self.cord) + damping * along.dot(
             speed - now.velocity
@@ -260,6 +261,7 @@ class HangingPayload(TimedPayload):
             position=position,
             velocity=velocity,
             holder=now.holder + speed * dt,
+            # on the frame: the reaction of what accelerated the load in this substep
             pull=now.pull - along * mul(tension, self.mass),
         )
 

@@ -84,7 +84,8 @@ class LaunchStand(Force[tuple[()]]):
     ) -> Sequence[Wrench]:
         """Force and torque of the launch stand on the base, about the base origin."""
         state, w = motion.state, self.frequency
-        gap, v = state.position - self.place, state.velocity
+        gap = state.position - self.place
+        v = state.velocity
         below = gap.z < 0.0
         up = where(below, maximum(0.0, -w * w * gap.z - 2.0 * w * v.z), 0.0)
         share = minimum(up / self.gravity, 1.0)
@@ -98,6 +99,7 @@ class LaunchStand(Force[tuple[()]]):
         # part of a small quaternion
         back = Quaternion(cos(0.5 * self.yaw), 0.0, 0.0, -sin(0.5 * self.yaw))
         q = back * state.quaternion
+        # q and -q are one attitude: the shorter way back
         sign = where(q[0] < 0.0, -2.0, 2.0)
         turn = Vec3(*(sign * q[i] for i in (1, 2, 3)))
         grip = share * self.inertia

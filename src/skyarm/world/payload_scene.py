@@ -42,11 +42,14 @@ def payload_scene(
         )
     ]
     shape = payload_shape(seen.vehicle, mass, frame, com)
-    ending, holder = f"/{name}" if name else "", seen.place(shape.position, shape.body)
-    named, rotation = replace(shape, name=f"payload{ending}"), seen.poses[shape.body][0]
+    ending = f"/{name}" if name else ""
+    holder = seen.place(shape.position, shape.body)
+    named = replace(shape, name=f"payload{ending}")
+    rotation = seen.poses[shape.body][0]
     if rigid:
         return Scene(solids=(Solid(named, holder[at], rotation[at]),))
     places = seen.numbers["payload_position"]
+    # NaN draws nothing where the load is not held
     cord = np.where(carried[:, None, None], np.stack([holder, places], axis=1), np.nan)
     return Scene(
         solids=(Solid(named, places[at], rotation[at]),),

@@ -129,9 +129,11 @@ class ColouredNoise:
     ) -> Scalars:
         """Unit-variance noise of the next control period."""
         left = exp(-2.0 * math.pi * self.bandwidth_hz * dt)
+        # the variance stays 1, whatever the period is
         fresh = sqrt(1.0 - left * left)
         return tuple(
             left * old + fresh * new
+            # an odd number of components leaves one normal number over
             for old, new in zip(memory, normals(draws), strict=False)
         )
 

@@ -162,7 +162,8 @@ class TimedPayload(Component[PayloadMemory]):
                 }
                 inner.done()
         if "pick" not in fields.table:
-            fields.take("pick")  # is missing
+            # raises: it is missing
+            fields.take("pick")
         if any(values.values()) and fields.table.get("believed") is True:
             words = "must be false where a place decides; its instant is unknown"
             raise ValueError(f"{fields.at('believed')} = true: {words}")
@@ -193,7 +194,8 @@ class TimedPayload(Component[PayloadMemory]):
             and isinstance(self.drop, float)
             and math.isinf(self.drop)
         ):
-            object.__setattr__(self, "drop", 0.0)  # at any time within its reach
+            # with a place an instant that is left out means: at any time
+            object.__setattr__(self, "drop", 0.0)
         moments = tuple(self.inertia)
         if concrete(*moments) and 2.0 * max(moments) > sum(moments) * (1.0 + 1e-9):
             raise ValueError(
@@ -225,10 +227,9 @@ class TimedPayload(Component[PayloadMemory]):
         """Internal state of the payload after a possible pick-up or set-down at a
         control instant.
         """
-        grasped, caught, gone, place = self.next_status(
+        return self.next_status(
             memory, t, motion.position(*motion.frame(self.frame or None))
         )
-        return PayloadMemory(held=grasped, caught=caught, gone=gone, place=place)
 
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
@@ -254,23 +255,29 @@ class TimedPayload(Component[PayloadMemory]):
 
     def next_status(
         self, memory: PayloadMemory, t: Scalar, position_W: Vec3
-    ) -> tuple[Scalar, Scalar, Scalar, Vec3]:
-        """Next internal state of the payload: held, just grasped, set down (1 or 0
-        each), and resting position.
+    ) -> PayloadMemory:
+        """Next grasp status and resting position of the payload, whose frame is at a
+        position (m, world axes).
         """
-        carried, gone = memory.held > 0.5, memory.gone > 0.5
+        carried = memory.held > 0.5
+        gone = memory.gone > 0.5
         pick, drop = self.events_reached(t, position_W)
+        # what was let go is not grasped again
         caught = where(carried, 0.0, where(gone, 0.0, where(pick, 1.0, 0.0)))
         dropped = where(carried, where(drop, 1.0, 0.0), 0.0)
-        now = where(dropped > 0.5, 0.0, where(caught > 0.5, 1.0, memory.held))
-        place = select(dropped > 0.5, position_W, memory.place)
-        return now, caught, where(dropped > 0.5, 1.0, memory.gone), place
+        return PayloadMemory(
+            held=where(dropped > 0.5, 0.0, where(caught > 0.5, 1.0, memory.held)),
+            caught=caught,
+            gone=where(dropped > 0.5, 1.0, memory.gone),
+            place=select(dropped > 0.5, position_W, memory.place),
+        )
 
     def events_reached(self, t: Scalar, position_W: Vec3) -> tuple[Scalar, Scalar]:
         """Conditions of pick-up and of set-down, true if met: time reached, and
         gripping frame in a given sphere.
         """
-        pick, drop = t >= self.pick, t >= self.drop
+        pick = t >= self.pick
+        drop = t >= self.drop
         if self.pick_place is not None:
             pick = logical_and(pick, self.pick_place.holds(position_W))
         if self.drop_place is not None:

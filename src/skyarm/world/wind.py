@@ -112,7 +112,8 @@ class GustyWind(Component[Memory]):
         """Read the field ``gust`` of a wind's TOML table: one gust, or a list of gusts
         that add up.
         """
-        entry, at = fields.take("gust", None), fields.at("gust")
+        entry = fields.take("gust", None)
+        at = fields.at("gust")
         if isinstance(entry, list):
             return {
                 "gusts": tuple(
@@ -146,6 +147,7 @@ class GustyWind(Component[Memory]):
             for each in self.all_gusts
         ]
         if gusts:
+            # a list stays a list, even of one, so that a file comes back as it was
             table["gust"] = gusts if self.gust is None else gusts[0]
         return table
 
@@ -157,8 +159,10 @@ class GustyWind(Component[Memory]):
         fields = Fields(entry, where)
         if "peak" in fields.table:
             return record_from(Gust, fields)
+        # a force has only steps, as the plugin of RotorS
         shapes = SHAPES if cls.blows == "velocity" else SHAPES[:1]
-        peak, start = fields.vector(cls.blows), fields.number("start")
+        peak = fields.vector(cls.blows)
+        start = fields.number("start")
         duration = fields.number("duration", low=0.0, strict=True)
         shape = fields.choice("shape", shapes, SHAPES[0])
         fields.done()
@@ -297,7 +301,8 @@ class MovingAir(GustyWind[Turbulence], Air[Turbulence]):
         """Wind whose turbulence of an altitude has airspeed and direction of the
         replaced mean velocity.
         """
-        followed, places = self.turbulence, {place[:2] for place in replaced}
+        followed = self.turbulence
+        places = {place[:2] for place in replaced}
         stated = {
             ("turbulence", each)
             for each in ("airspeed", "direction_W", "least_airspeed")
@@ -317,6 +322,7 @@ class MovingAir(GustyWind[Turbulence], Air[Turbulence]):
         """Number of uniform random numbers that the turbulence draws per control
         period.
         """
+        # three normal numbers of a step, made of two pairs of uniform ones
         return 0 if self.turbulence is None else 4
 
     def start(self, period: float, draws: Sequence[Scalar]) -> Turbulence:
@@ -327,7 +333,11 @@ class MovingAir(GustyWind[Turbulence], Air[Turbulence]):
             return ()
         numbers = normals(draws)
         return dryden.start(
-            Vec3(*numbers[0:3]), Vec3(*numbers[4:7]), period, par=self.turbulence
+            # the fourth number of each four is left over from its pair
+            Vec3(*numbers[0:3]),
+            Vec3(*numbers[4:7]),
+            period,
+            par=self.turbulence,
         )
 
     def advance(

@@ -35,10 +35,10 @@ def stack_of(text: str, folder: Path) -> int | None:
 
 
 REPEAT = """
-void repeat(int n, const struct law_measurement *m, const struct law_reference *r, struct law_memory *k,
-            struct law_command *c);
-void repeat(int n, const struct law_measurement *m, const struct law_reference *r, struct law_memory *k,
-            struct law_command *c)
+void repeat(int n, const struct law_measurement *m, const struct law_reference *r,
+            struct law_memory *k, struct law_command *c);
+void repeat(int n, const struct law_measurement *m, const struct law_reference *r,
+            struct law_memory *k, struct law_command *c)
 {
     struct law_measurement own = *m;
     int i;

@@ -13,7 +13,7 @@ from scipy.integrate import quad
 from skyarm.algebra import Vec3
 from skyarm.compile import trace
 from skyarm.dynamics.actuators import Command, rotor_force, rotor_forces, speed_after
-from skyarm.dynamics.actuators.rotor import felt_in, has_short_lag
+from skyarm.dynamics.actuators.rotor import equivalent_speed_and_lag, has_short_lag
 from skyarm.dynamics.state import example_state
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
@@ -496,7 +496,7 @@ def test_the_felt_speed_has_the_mean_thrust_and_the_felt_lag_the_mean_spin(seed)
         "reversible": not forward,
     }
     rotor = dataclasses.replace(ROTOR, **numbers)
-    felt, slow = felt_in(rotor, first, last, dt)
+    felt, slow = equivalent_speed_and_lag(rotor, first, last, dt)
 
     def speed(t):
         return last + (first - last) * math.exp(-t / lag)
@@ -519,7 +519,8 @@ def test_the_felt_speed_has_the_mean_thrust_and_the_felt_lag_the_mean_spin(seed)
     if abs(first - last) > 1.0:
         assert (last - felt) / slow == pytest.approx((speed(dt) - first) / dt, rel=1e-9)
     assert (
-        felt_in(rotor, last, last, dt) == pytest.approx((last, lag), rel=1e-12)
+        equivalent_speed_and_lag(rotor, last, last, dt)
+        == pytest.approx((last, lag), rel=1e-12)
         or last == 0.0
     )
 

@@ -169,9 +169,7 @@ def test_stated_parameters_are_asked_for_once_a_second_until_they_have_come() ->
     assert not sent
 
 
-def test_many_parameters_are_requested_few_at_a_time_and_timed_from_the_last_answer() -> (
-    None
-):
+def test_many_parameters_are_requested_few_at_a_time_and_timed_from_an_answer() -> None:
     names = [f"P{k}" for k in range(20)]
     vehicle, sent = stating(*((name, 1.0) for name in names))
     for k in range(12):  # 0.5 s each, 6 s in all
@@ -204,9 +202,7 @@ def test_without_stated_parameters_nothing_is_asked() -> None:
     assert not sent
 
 
-def test_a_stated_parameter_that_it_takes_otherwise_or_does_not_know_ends_the_flight() -> (
-    None
-):
+def test_a_stated_parameter_that_is_changed_or_unknown_ends_the_flight() -> None:
     vehicle, _ = stating(("A", 1.5))
     vehicle.has_parameters(0.0, 5.0)
     say(vehicle, "PARAM_VALUE", param_id="A", param_value=1.25, param_type=9)

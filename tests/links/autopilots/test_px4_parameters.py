@@ -89,9 +89,7 @@ def test_a_torque_set_point_of_px4_is_the_same_torque_of_the_plant(name: str) ->
         np.testing.assert_allclose(found - still, wanted, atol=1e-9 * full.max())
 
 
-def test_rotor_places_are_relative_to_the_centre_of_mass_in_axes_forward_right_down() -> (
-    None
-):
+def test_rotor_places_are_relative_to_the_centre_of_mass_forward_right_down() -> None:
     # its centre of mass is 1 cm ahead and 9 cm below the origin
     vehicle = skyarm.load_vehicle("hexarotor_arm6")
     com = center_of_mass(vehicle, (0, 0, 0), (1, 0, 0, 0), (0,) * vehicle.n)

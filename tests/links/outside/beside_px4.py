@@ -418,9 +418,12 @@ def mean_error(error: np.ndarray) -> float:
     return round(1e3 * float(np.linalg.norm(error, axis=1).mean()), 1)
 
 
-LINES = """{law}: {status}; set points {delay_p50_ms} ms behind PX4's time (99 %: {delay_p99_ms} ms), of it \
-{behind_arrival_p50_ms} ms behind the estimate's arrival (99 %: {behind_arrival_p99_ms} ms), lost {lost} of {of}
-tip {truth_mm} mm off (estimated: {estimate_mm} mm); own run with that delay {own_mm} mm, with the errors of PX4's \
+LINES = """{law}: {status}; set points {delay_p50_ms} ms behind PX4's time \
+(99 %: {delay_p99_ms} ms), of it \
+{behind_arrival_p50_ms} ms behind the estimate's arrival \
+(99 %: {behind_arrival_p99_ms} ms), lost {lost} of {of}
+tip {truth_mm} mm off (estimated: {estimate_mm} mm); own run with that delay {own_mm} \
+mm, with the errors of PX4's \
 estimate ({estimate_error_mm} mm) {own_estimate_mm} mm"""
 
 

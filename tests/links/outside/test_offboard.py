@@ -427,6 +427,28 @@ def test_collections_and_scheduling_are_as_before_after_a_flight():
     assert os.sched_getscheduler(0) == before
 
 
+def test_real_time_ends_without_the_right_to_take_its_flag_back(monkeypatch):
+    policies = [os.SCHED_OTHER]
+
+    def schedule(_, policy, __):
+        if policies[-1] & os.SCHED_RESET_ON_FORK and not (
+            policy & os.SCHED_RESET_ON_FORK
+        ):
+            raise PermissionError
+        policies.append(policy)
+
+    monkeypatch.setattr(os, "sched_getscheduler", lambda _: policies[-1])
+    monkeypatch.setattr(os, "sched_setscheduler", schedule)
+    fast, usual = (
+        policy | os.SCHED_RESET_ON_FORK for policy in (os.SCHED_FIFO, os.SCHED_OTHER)
+    )
+    for _ in range(2):
+        with offboard.real_time():
+            assert policies[-1] == fast
+        assert gc.isenabled()
+        assert policies[-1] == usual
+
+
 @pytest.mark.parametrize("missing", [PermissionError, AttributeError])
 def test_a_system_that_does_not_let_it_go_first_flies_as_well(monkeypatch, missing):
     def refuse(*_):

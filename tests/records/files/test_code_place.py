@@ -113,7 +113,8 @@ class Mine:
     def method(self):
         return self.number
 
-print([own_code(each) is not None for each in (law, functools.partial(law, 1), Mine, Bare, Slots, Bare(1.0))])
+things = (law, functools.partial(law, 1), Mine, Bare, Slots, Bare(1.0))
+print([own_code(each) is not None for each in things])
 print(place_of(law))
 """
 
@@ -136,7 +137,8 @@ def law(memory, measurement, reference, dt, *, par):
     return (1,), skyarm.Command(rotor_speeds=(0.0,) * 4, efforts=(0.0,) * 2)
 
 scenario = skyarm.load_scenario("case1", duration=0.1)
-controller = skyarm.Controller(name="counts", law=law, par=scenario.controller.par, memory=(0,))
+par = scenario.controller.par
+controller = skyarm.Controller(name="counts", law=law, par=par, memory=(0,))
 skyarm.run(replace(scenario, controller=controller))
 """
 

@@ -58,9 +58,8 @@ def test_tables_are_nested_at_most_64_deep(begin: str) -> None:
 
     def nested(depth: int) -> bytes:
         inner = "b = 1" if begin == "a." else "1"
-        return (
-            f"{'' if begin == 'a.' else 'x = '}{begin * (depth - 1)}{inner}{end * (depth - 1)}"
-        ).encode()
+        key = "" if begin == "a." else "x = "
+        return f"{key}{begin * (depth - 1)}{inner}{end * (depth - 1)}".encode()
 
     assert read_toml(nested(module.DEEPEST))
     with pytest.raises(ValueError, match="must be nested at most 64 deep"):

@@ -1,7 +1,8 @@
 """Measure the tip error in Case 3 on estimates: the table *Measured* of
 docs/sensors.md.
 
-    python tests/sensing/estimate/measure_estimates.py [--seeds 20] [--seed 4711] [--small]
+    python tests/sensing/estimate/measure_estimates.py [--seeds 20] [--seed 4711]
+        [--small]
 
 Mean over 10 to 20 s and the seeds, from the held reference; with perfect state one
 flight.

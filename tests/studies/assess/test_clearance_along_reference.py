@@ -45,9 +45,7 @@ def past_a_ball(height: float, speed: float = 0.2) -> skyarm.Scenario:
     return scenario_from(made)
 
 
-def test_the_smallest_distance_is_that_of_the_hull_below_a_ball_and_at_its_time() -> (
-    None
-):
+def test_the_smallest_distance_is_the_hulls_below_a_ball_and_at_its_time() -> None:
     scenario = past_a_ball(0.4)
     found, arm = clearances(scenario)
     boom = max(
@@ -83,9 +81,7 @@ def test_an_overlap_is_a_warning_with_its_share_of_the_flight() -> None:
     ]
 
 
-def test_nothing_is_said_of_a_vehicle_that_can_touch_nothing_and_before_a_flight() -> (
-    None
-):
+def test_nothing_is_said_of_what_can_touch_nothing_and_before_a_flight() -> None:
     bare = skyarm.load_scenario("case1")
     assert [each.question for each in clearances(bare)] == ["clearance of the arm"]
     assert not {each.question for each in along_reference(bare)} & CLEARANCES.keys()

@@ -30,13 +30,19 @@ schema = 1
 name = "slung"
 end_effector = "load"
 base = { mass = 2.0, inertia = [0.02, 0.02, 0.035] }
-rotor_defaults = { thrust_coefficient = 1.7e-5, moment_coefficient = 0.016, max_speed = 900.0 }
+rotor_defaults.thrust_coefficient = 1.7e-5
+rotor_defaults.moment_coefficient = 0.016
+rotor_defaults.max_speed = 900.0
 frames = [{ name = "load", link = "cord", position = [0.0, 0.0, -1.5] }]
 [[links]]
 name = "hook"
 parent = "base"
 mass = 0.01
-joint = { name = "swing_x", axis = [1.0, 0.0, 0.0], effort_limit = 0.0, damping = 1e-3, armature = 1e-5 }
+joint.name = "swing_x"
+joint.axis = [1.0, 0.0, 0.0]
+joint.effort_limit = 0.0
+joint.damping = 1e-3
+joint.armature = 1e-5
 [[links]]
 name = "cord"
 parent = "hook"

@@ -161,8 +161,8 @@ def test_passive_ones_are_no_fault_of_their_own(tmp_path):
 
 def test_each_gap_is_a_fault(tmp_path):
     motor = (
-        "<plugin"
-        " name='m'><linkName>hull</linkName><motorConstant>1e-5</motorConstant></plugin>"
+        "<plugin name='m'><linkName>hull</linkName>"
+        "<motorConstant>1e-5</motorConstant></plugin>"
     )
     found = faults(of(tmp_path, motor))
     assert found["rotors"].text.startswith(

@@ -499,9 +499,7 @@ def along(scenario: Scenario, name: str) -> Followed:
     return follow(flight_parts(scenario.of(name), carried))
 
 
-def test_a_carried_share_counts_along_the_reference_from_lift_to_place_as_in_flight() -> (
-    None
-):
+def test_a_carried_share_counts_from_lift_to_place_as_in_flight() -> None:
     scenario = skyarm.load_scenario("two_carry_a_bar")
     log = skyarm.run(scenario)
     for name in scenario.agents:

@@ -99,10 +99,13 @@ def measure(
 def text(found: Mapping[str, Any]) -> str:
     """The measurements as text, ratios first."""
     about, flown = found["machine"], found["scenario"]
+    rates = (
+        f"simulated seconds per second, {flown['name']},"
+        f" medians of {flown['rounds']} rounds:\n  rate, against the first in each"
+        " round (smallest ... largest), the same per second of processor time"
+    )
     blocks = {
-        f"simulated seconds per second, {flown['name']}, medians of {flown['rounds']} rounds:\n  rate, against the first in each round (smallest ... largest), the same per second of processor time": speed_lines(
-            found["speed"]
-        ),
+        rates: speed_lines(found["speed"]),
         "largest distance from RK4 at 0.125 ms, m": [
             f"  {n:<44} {v:.2e}" for n, v in found["accuracy_m"].items()
         ],

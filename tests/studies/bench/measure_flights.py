@@ -27,7 +27,7 @@ from skyarm.records.travel import pack
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.batch import Batch
-from skyarm.studies.flights import Crew, Store, Work
+from skyarm.studies.flights import Store, Work, WorkRunner
 from skyarm.studies.flights.executor import rows_file
 
 SCENARIO, PATH, METRICS = (
@@ -70,13 +70,13 @@ def contenders(scenario: Scenario, flights: int, chunk: int) -> list[Contender]:
         return seconds
 
     def engine() -> float:
-        with Crew() as crew:
+        with WorkRunner() as crew:
             for _ in crew.fly(works(scenario, flights, chunk)):
                 pass
         return seconds
 
     def folder() -> float:
-        with tempfile.TemporaryDirectory() as out, Crew(store=Store(out)) as crew:
+        with tempfile.TemporaryDirectory() as out, WorkRunner(store=Store(out)) as crew:
             for _ in crew.fly(works(scenario, flights, chunk)):
                 pass
         return seconds

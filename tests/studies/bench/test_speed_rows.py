@@ -54,9 +54,7 @@ def test_contenders_of_a_row_take_turns_and_its_ratios_are_of_one_round(
     assert measured("here alone", Path("old"), 2) == ["here alone", "5.5 MB", "", ""]
 
 
-def test_a_contender_measures_when_asked_and_one_that_has_failed_has_no_number() -> (
-    None
-):
+def test_a_contender_measures_when_asked_and_one_that_failed_has_no_number() -> None:
     contender = measure_speed.Contender(
         "third run case3, beside import numpy", peer=True
     )

@@ -1,8 +1,10 @@
 """Measure the contact suite: the tables of the section *Contact suite* of
 docs/results_contact.md.
 
-    python tests/studies/compare/measure_contact_suite.py [--worlds 64] [--out out/contact_suite] [--small]
-    python tests/studies/compare/measure_contact_suite.py --others [--worlds 16] [--out out/contact_others] [--small]
+    python tests/studies/compare/measure_contact_suite.py [--worlds 64]
+        [--out out/contact_suite] [--small]
+    python tests/studies/compare/measure_contact_suite.py --others [--worlds 16]
+        [--out out/contact_others] [--small]
 
 The first form flies the centroidal law in all tasks. The second flies the tasks that
 press under other laws, too. Successes with perfect state and with noise, and medians of

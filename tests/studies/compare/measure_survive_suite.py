@@ -1,6 +1,7 @@
 """Measure the survive suite: the tables of docs/results_survive.md.
 
-    python tests/studies/compare/measure_survive_suite.py [--vehicles] [--out out/survive_suite] [--small]
+    python tests/studies/compare/measure_survive_suite.py [--vehicles] [--small]
+        [--out out/survive_suite]
 
 Without an option the suite on the paper's vehicle: lost flights and largest tip errors,
 law beside law. ``--vehicles`` flies its quick form on further vehicles and counts lost

@@ -21,7 +21,7 @@ from skyarm.studies.compare.comparison import plants_rows
 from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.perturbed_plants import Spread
 from skyarm.studies.compare.suite import Case, Condition
-from skyarm.studies.flights import Crew
+from skyarm.studies.flights import WorkRunner
 from skyarm.studies.flights.executor import PROCESSES
 from support.studies import cell_of
 
@@ -77,7 +77,7 @@ def test_flights_in_processes_are_those_of_one_process_in_order():
             flights(WRONG, "paper_ct"),
         )
     ]
-    with Crew(PROCESSES, 2) as crew:
+    with WorkRunner(PROCESSES, 2) as crew:
         found = [
             Cell.of_rows(work, rows)
             for work, rows in zip(todo, crew.rows(todo), strict=True)

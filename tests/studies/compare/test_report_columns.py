@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from skyarm.log.metrics.metric_catalogue import TEAMS, is_torque, measures
-from skyarm.studies.trial.table import COLUMNS, Column, spread, success_share
+from skyarm.studies.trial.table import COLUMNS, TableColumn, spread, success_share
 
 
 @pytest.mark.parametrize("name", COLUMNS)
@@ -21,7 +21,7 @@ def test_every_shipped_column_has_a_metric_of_the_catalogue(name: str) -> None:
 
 
 def test_a_cell_is_that_of_the_vehicle_with_the_largest_number() -> None:
-    column = Column(head="tip, mm", metric="ee_error_mean_continuous", factor=1e3)
+    column = TableColumn(head="tip, mm", metric="ee_error_mean_continuous", factor=1e3)
     spreads = {
         f"{name}/{column.metric}": {"mean": mean}
         for name, mean in (("left", 0.02), ("right", 0.03))
@@ -31,7 +31,7 @@ def test_a_cell_is_that_of_the_vehicle_with_the_largest_number() -> None:
 
 
 def test_numbers_below_the_fine_limit_have_three_digits() -> None:
-    column = Column(head="torque, N m", metric="tau1_rms", fine=0.1)
+    column = TableColumn(head="torque, N m", metric="tau1_rms", fine=0.1)
     assert (column.cell(0.001234), column.cell(0.1234), column.cell(None)) == (
         "0.00123",
         "0.12",
@@ -45,7 +45,7 @@ def test_statistics_leave_out_what_is_not_finite() -> None:
     assert found is not None
     assert (found["mean"], found["max"]) == (-1.0, 1.0)
     assert spread(np.array([math.nan])) is None
-    assert Column(head="", metric="").percentile_of(values) == 2.0
+    assert TableColumn(head="", metric="").percentile_of(values) == 2.0
     assert success_share(np.array([], dtype=bool)) == {
         "success_rate": None,
         "success_interval": [0.0, 1.0],

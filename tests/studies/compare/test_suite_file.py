@@ -41,7 +41,9 @@ base = "slow_circle"
 arm = "gentle"
 noisy = true
 flights = 2
-entries.environment.forces = [{ kind = "disturbance", force = [0, { kind = "constant", value = 0.0 }, 0] }]
+entries.environment.forces = [
+    { kind = "disturbance", force = [0, { kind = "constant", value = 0.0 }, 0] },
+]
 numbers."environment.forces.0.force.y.value" = "value * weight"
 success.position_error_mean_continuous = 0.05
 
@@ -111,6 +113,25 @@ def test_values_go_with_the_weight_of_another_vehicle(file: Path) -> None:
     )
     column = flights.work().columns["environment.forces.0.force.y.value"]
     np.testing.assert_allclose(column, np.repeat([0.5, 1.0], 2) * weight, rtol=1e-12)
+
+
+def test_values_that_differ_late_fly_as_they_are(file: Path) -> None:
+    near = SHORT.replace("values = [0.5, 1.0]", "values = [0.50001, 0.50002]")
+    file.write_text(near, "utf-8")
+    (flights,), _ = load_suite(file, only=["push"]).plan_cells()
+    assert flights.points == (0.50001, 0.50002)
+
+
+def test_scenarios_of_values_that_differ_late_have_files_of_their_own(
+    file: Path,
+) -> None:
+    near = SHORT.replace("values = [0.5, 1.0]", "values = [0.5, 0.50000001]")
+    near = near.replace('{ kind = "constant", value = 0.0 }', '"= 2 * value"')
+    near = "\n".join(line for line in near.splitlines() if "force.y.value" not in line)
+    file.write_text(near, "utf-8")
+    cells, _ = load_suite(file, only=["push"]).plan_cells()
+    labels = [each.label for each in cells]
+    assert [label.rpartition("_")[2] for label in labels] == ["0.5", "0.50000001"]
 
 
 def test_an_entry_of_the_value_makes_a_scenario_of_each_value(file: Path) -> None:
@@ -238,7 +259,10 @@ WRONG = {
         "force.w.value",
     ),
     "vary: path = 'plant.vehicle.base.mas': no 'mas' here": ("base.mass", "base.mas"),
-    "trials[push].success.tilt_mx = 'tilt_mx': did you mean 'tilt_max'? must be a metric": (
+    (
+        "trials[push].success.tilt_mx = 'tilt_mx': did you mean 'tilt_max'?"
+        " must be a metric"
+    ): (
         "position_error_mean_continuous",
         "tilt_mx",
     ),
@@ -267,15 +291,24 @@ WRONG = {
         'vary."plant.vehicle.base.mass"',
         'vary."plant.payload.mass"',
     ),
-    "entries.environment.forces[0].force[1].value = 'value': must be '= value', an expression": (
+    (
+        "entries.environment.forces[0].force[1].value = 'value': must be '= value',"
+        " an expression"
+    ): (
         "value = 0.0",
         'value = "value"',
     ),
-    "entries.environment.forces[0].force[1].value = 'valu': at 1: 'valu' must be a named number": (
+    (
+        "entries.environment.forces[0].force[1].value = 'valu': at 1: 'valu' must be"
+        " a named number"
+    ): (
         "value = 0.0",
         'value = "=valu"',
     ),
-    "trials[mass].entries.duration = 3: must be left out; duration of the trial says it": (
+    (
+        "trials[mass].entries.duration = 3: must be left out; duration of the trial"
+        " says it"
+    ): (
         "flights = 3",
         "flights = 3\nentries.duration = 3",
     ),
@@ -283,7 +316,10 @@ WRONG = {
         "flights = 3",
         'flights = 3\nentries.plant.kind = "mujoco"',
     ),
-    "trials[mass].values = [0.0, 0.02]: must be one number: no expression names value": (
+    (
+        "trials[mass].values = [0.0, 0.02]: must be one number: no expression names"
+        " value"
+    ): (
         '"value"\n',
         '"0.1"\n',
     ),

@@ -48,9 +48,7 @@ def flight(flights: TeamFlights, k: int) -> tuple[Scenario, dict[str, float]]:
     return with_numbers(scenario, numbers), numbers
 
 
-def test_entries_replace_those_of_a_file_key_by_key_and_in_each_table_of_a_list() -> (
-    None
-):
+def test_entries_replace_a_files_key_by_key_and_in_each_table_of_a_list() -> None:
     own = {"a": [{"x": 1, "y": 1}, {"x": 2}], "b": {"c": 1, "d": 1}, "e": 0}
     new = with_entries(own, {"a": {"x": 3}, "b": {"d": 2}, "e": [1], "f": {"g": 1}})
     assert new == {
@@ -152,9 +150,7 @@ def test_all_at_once_moves_the_supposed_grasp_and_with_it_the_path() -> None:
 PLATE, UNEQUAL = TEAMS / "plate.toml", TEAMS / "unequal_bar.toml"
 
 
-def test_of_any_team_the_last_grasp_is_off_along_the_body_away_from_all_others() -> (
-    None
-):
+def test_the_last_grasp_of_any_team_is_off_along_the_body_from_all_others() -> None:
     given, changed = (
         skyarm.load_scenario(PLATE),
         cell("misplaced", scenario=PLATE).scenario(),

@@ -24,9 +24,9 @@ from skyarm.records.registry import RegistryError
 from skyarm.records.travel import pack
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.studies.flights import (
-    Crew,
     Store,
     Work,
+    WorkRunner,
     executor,
     processes,
     ray_cluster,
@@ -57,7 +57,7 @@ def test_a_component_that_was_changed_between_two_crews_flies_as_it_is() -> None
     scenario = dataclasses.replace(CASE, forces=(push,))
 
     def flown() -> float:
-        with Crew() as crew:
+        with WorkRunner() as crew:
             (rows,) = crew.rows(
                 [
                     Work(
@@ -153,14 +153,14 @@ def test_what_has_landed_is_kept_when_a_crew_is_interrupted(
     works = [Work(label=f"w{k}", scenario=CASE, seed=k, effort=0) for k in range(3)]
 
     def interrupted() -> None:
-        with Crew("processes", 2, Store(tmp_path)) as crew:
+        with WorkRunner("processes", 2, Store(tmp_path)) as crew:
             for _ in crew.fly(works):
                 wait(crew._executor._flying)  # type: ignore[union-attr]
                 raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         interrupted()
-    with Crew(store=Store(tmp_path)) as again:
+    with WorkRunner(store=Store(tmp_path)) as again:
         assert len(list(again.fly(works))) == 3
     assert again.flights == 0
 
@@ -238,14 +238,16 @@ def test_the_usual_place_is_that_of_the_works_that_are_left(
         list[str](),
     )
     monkeypatch.setattr(
-        executor, "_executor", lambda on, _: (places.append(on), executor.Here())[1]
+        executor,
+        "_executor",
+        lambda on, _: (places.append(on), executor.InProcess())[1],
     )
-    with Crew(store=Store(tmp_path)) as crew:
+    with WorkRunner(store=Store(tmp_path)) as crew:
         list(crew.fly(works[:1]))
     for _ in range(2):
-        with Crew(None, 2, Store(tmp_path)) as crew:
+        with WorkRunner(None, 2, Store(tmp_path)) as crew:
             assert [each.label for each, _ in crew.fly(works)] == ["w0", "w1", "w2"]
-    with Crew(None, 2) as crew:
+    with WorkRunner(None, 2) as crew:
         assert len(crew.rows(works)) == 3
     assert places == ["local", "local", "processes"]
 
@@ -311,7 +313,7 @@ def test_workers_are_a_whole_number_wherever_they_fly(workers: Any) -> None:
     with pytest.raises(
         ValueError, match=r"^workers = .*: must be a whole number, at least 1"
     ):
-        Crew("processes", workers)
+        WorkRunner("processes", workers)
 
 
 @pytest.mark.parametrize("part", ["", (3, 2), 1, "3/2"])

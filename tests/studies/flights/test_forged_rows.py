@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.studies.flights import Crew, Store, Work
+from skyarm.studies.flights import Store, Work, WorkRunner
 from skyarm.studies.flights.store import KEY, sound_content, unpack_rows
 
 pytest.importorskip("pyarrow")
@@ -36,7 +36,7 @@ def work() -> Work:
 @pytest.fixture(scope="module")
 def good(work: Work, tmp_path_factory: pytest.TempPathFactory) -> bytes:
     store = Store(tmp_path_factory.mktemp("good"))
-    with Crew(store=store) as crew:
+    with WorkRunner(store=store) as crew:
         ((_, content),) = crew.fly([work])
     return content
 
@@ -114,7 +114,7 @@ def test_rows_that_cannot_be_are_named_and_flown_again(
     store = put(tmp_path, changed(good, kind))
     with (
         pytest.warns(UserWarning, match=r"damaged, and flown again: one\."),
-        Crew(store=store) as crew,
+        WorkRunner(store=store) as crew,
     ):
         ((_, content),) = crew.fly([work])
     assert content == good
@@ -188,7 +188,7 @@ def test_rows_of_other_numbers_stay_until_their_own_command_needs_them(
     import dataclasses
 
     store, other = put(tmp_path, good), dataclasses.replace(work, seed=5)
-    with Crew(store=store) as crew:
+    with WorkRunner(store=store) as crew:
         list(crew.fly([other]))
     assert len(list((tmp_path / "rows").iterdir())) == 2
     assert Store(tmp_path).get(work) == good

@@ -122,7 +122,9 @@ def make(model):
         speeds = tuple(GAIN * speed for speed in command.rotor_speeds)
         return memory, skyarm.Command(rotor_speeds=speeds, efforts=command.efforts)
 
-    return skyarm.Controller(name="from_a_file", law=law, par=base.par, memory=base.memory)
+    return skyarm.Controller(
+        name="from_a_file", law=law, par=base.par, memory=base.memory
+    )
 '''
 
 @skyarm.register.law("made_here")
@@ -134,7 +136,9 @@ def make(model):
         speeds = tuple(gain * speed for speed in command.rotor_speeds)
         return memory, skyarm.Command(rotor_speeds=speeds, efforts=command.efforts)
 
-    return skyarm.Controller(name="made_here", law=law, par=base.par, memory=base.memory)
+    return skyarm.Controller(
+        name="made_here", law=law, par=base.par, memory=base.memory
+    )
 
 @skyarm.register.metric("highest")
 @dataclass(frozen=True)
@@ -158,13 +162,15 @@ if __name__ == "__main__":
     skyarm.load_plugin(folder / "mine.py")
     sys.path.remove(str(folder))
     shutil.rmtree(folder)
-    study = small_study(**fields, controllers=["paper_pd", "from_a_file", "made_here"], metrics=["highest", "tilt_max"])
+    laws = ["paper_pd", "from_a_file", "made_here"]
+    study = small_study(**fields, controllers=laws, metrics=["highest", "tilt_max"])
     found = {}
     for on in ("local", "processes", f"ray:{address}"):
         run_sweep(study, out / on[:3], on=on, workers=2)
         found[on] = files_of(out / on[:3])
     first = found["local"]
-    print(json.dumps({"same": [each == first for each in found.values()], "files": [*first]}))
+    same = [each == first for each in found.values()]
+    print(json.dumps({"same": same, "files": [*first]}))
 """
 
 
@@ -208,7 +214,8 @@ if __name__ == "__main__":
     found = []
     for on in ("local", "processes", f"ray:{address}"):
         try:
-            run_sweep(small_study(**fields, controllers=["fails"]), out / on[:3], on=on, workers=2)
+            study = small_study(**fields, controllers=["fails"])
+            run_sweep(study, out / on[:3], on=on, workers=2)
         except Exception as error:
             found.append([type(error).__name__, str(error)])
     print(json.dumps(found))

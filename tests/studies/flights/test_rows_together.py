@@ -12,7 +12,7 @@ import pytest
 
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.studies.flights import Crew, Store, Work, executor, fly
+from skyarm.studies.flights import Store, Work, WorkRunner, executor, fly
 
 pytest.importorskip("pyarrow")
 
@@ -61,10 +61,10 @@ def test_works_of_one_program_fly_as_one_batch_and_their_files_are_those_of_each
         return fly.fly_together(group, threads)
 
     monkeypatch.setattr(executor, "fly_together", together)
-    with Crew(workers=2, store=Store(tmp_path / "together")) as crew:
+    with WorkRunner(workers=2, store=Store(tmp_path / "together")) as crew:
         rows = crew.rows(works)
     assert batches == [["one", "two", "none", "four"], ["other"]]
-    with Crew(store=Store(tmp_path / "each")) as each:
+    with WorkRunner(store=Store(tmp_path / "each")) as each:
         assert [label.label for label, _ in each.fly(works)] == [
             "one",
             "two",
@@ -74,7 +74,7 @@ def test_works_of_one_program_fly_as_one_batch_and_their_files_are_those_of_each
         ]
     assert files_of(tmp_path / "together") == files_of(tmp_path / "each")
     batches.clear()
-    with Crew(store=Store(tmp_path / "each")) as again:
+    with WorkRunner(store=Store(tmp_path / "each")) as again:
         kept = again.rows(works)
     assert (batches, again.flights, crew.flights) == ([], 0, 27)
     for mine, theirs, alone in zip(rows, kept, map(fly.fly, works), strict=True):

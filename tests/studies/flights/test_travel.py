@@ -31,7 +31,8 @@ def make(model, *, push: float = 3.0):
 
     def law(memory, measurement, reference, dt, *, par):
         memory, command = base.law(memory, measurement, reference, dt, par=par)
-        speeds = tuple(s + push * GAIN for s in scaled(command.rotor_speeds, more=1.001))
+        more = scaled(command.rotor_speeds, more=1.001)
+        speeds = tuple(s + push * GAIN for s in more)
         return memory, skyarm.Command(rotor_speeds=speeds, efforts=command.efforts)
 
     return skyarm.Controller(name="mine", law=law, par=base.par, memory=base.memory)

@@ -5,12 +5,15 @@ its own axes.
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import pytest
 from hand_made import KD, T, double_integrator
 
 from skyarm.studies.stability import margins
+from skyarm.studies.stability.flight_margins import Evidence, LinearisedInstant
 from skyarm.studies.stability.margins import EDGE, radius
+from skyarm.studies.stability.margins_report import margins_page
 
 HIGHEST = 2.0 / (KD * T)
 """Gain below which the double integrator is stable, by Jury."""
@@ -41,3 +44,15 @@ def test_a_stable_loop_bears_what_is_left_of_the_highest_gain(factor):
     found = margins(with_gain(factor))
     assert found.rotor_gain == pytest.approx((0.0, HIGHEST / factor), rel=1e-6)
     assert found.delay > 0.0
+
+
+def test_a_page_says_that_a_delay_is_beyond_those_looked_at():
+    loop = dataclasses.replace(margins(with_gain(0.01)), delay=math.inf)
+    hover = LinearisedInstant(
+        hover=True, time=5.0, by_lag={"up": loop}, swings=math.inf
+    )
+    found = Evidence(
+        controller="law", scenario="case", instants=(hover,), completed=True
+    )
+    text = margins_page(found, [])
+    assert "delay margin more than 100 ms; small swings grow from more than 100" in text

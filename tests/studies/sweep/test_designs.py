@@ -180,9 +180,7 @@ def test_an_episode_draws_the_same_in_any_company(design: str) -> None:
         )
 
 
-def test_unshifted_points_are_those_of_an_independent_generator_in_every_dimension() -> (
-    None
-):
+def test_unshifted_points_are_those_of_another_generator_in_every_dimension() -> None:
     wanted = qmc.Sobol(DIMENSIONS, scramble=False, bits=30).random(2**10)
     for dimension in range(DIMENSIONS):
         assert np.array_equal(

@@ -49,6 +49,12 @@ def drawn(chance: random.Random, depth: int) -> tuple[str, float]:
     return f"({left})*({right})", one * other
 
 
+@pytest.mark.parametrize("text", ["1" + 350 * "0", "1e400", "a * " + 310 * "9"])
+def test_a_number_beyond_the_largest_double_is_refused_in_a_line(text: str) -> None:
+    with pytest.raises(ExpressionError, match="must be of finite numbers"):
+        read_expression(text, NUMBERS)
+
+
 def test_values_are_those_of_the_text() -> None:
     chance = random.Random(11)
     tried = 0

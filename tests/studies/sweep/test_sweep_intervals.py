@@ -131,9 +131,7 @@ def test_the_interval_of_paired_successes_is_the_published_one(
     )
 
 
-def test_the_interval_of_paired_successes_covers_the_difference_as_often_as_it_says() -> (
-    None
-):
+def test_intervals_of_paired_successes_cover_as_often_as_they_say() -> None:
     shares, count = np.array([0.5, 0.3, 0.1, 0.1]), 20
     drawn = np.random.default_rng(0).multinomial(count, shares, size=4000)
     covered = np.mean(

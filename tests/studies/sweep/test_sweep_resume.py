@@ -37,7 +37,8 @@ PROGRAM = """
 import json, sys
 from pathlib import Path
 from skyarm.studies.sweep import run_sweep, study_from
-run_sweep(study_from(json.loads(sys.argv[1])), Path(sys.argv[2]), progress=lambda done, total: print(done, flush=True))
+study, folder = study_from(json.loads(sys.argv[1])), Path(sys.argv[2])
+run_sweep(study, folder, progress=lambda done, total: print(done, flush=True))
 """
 
 

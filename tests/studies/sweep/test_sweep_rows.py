@@ -352,9 +352,7 @@ def test_the_stiffest_plant_has_every_number_at_its_stiff_end() -> None:
     assert joints == [drawn[first].max(), drawn[second].max()]
 
 
-def test_the_integration_step_is_that_of_the_stiffest_episode_whatever_the_chunk() -> (
-    None
-):
+def test_the_integration_step_is_the_stiffest_episodes_whatever_the_chunk() -> None:
     damping = "plant.vehicle.links.1.joint.damping"
     study = small_study(
         vary={damping: {"uniform": [0.0001, 0.02]}}, controllers=["paper_ct"]
@@ -371,9 +369,7 @@ def test_the_integration_step_is_that_of_the_stiffest_episode_whatever_the_chunk
     )
 
 
-def test_friction_of_every_joint_at_once_and_a_payload_count_for_the_stiffest_plant() -> (
-    None
-):
+def test_all_joints_friction_at_once_and_a_payload_make_the_stiffest_plant() -> None:
     every, load = "plant.joints.damping", "plant.payload.mass"
     study = small_study(
         vary={every: {"uniform": [0.001, 0.02]}, load: {"uniform": [0.0, 0.05]}}

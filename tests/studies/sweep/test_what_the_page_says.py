@@ -125,21 +125,15 @@ def test_ties_are_shared_between_both_controllers():
     each side.
     """
     difference = np.array([-1.0, -2.0, -3.0, 0.0, 0.0, -0.0, 0.0, 1.0, 2.0, 3.0])
-    assert _difference_statistics(difference, 0.95)["first_smaller"] == pytest.approx(
-        0.5
-    )
-    assert _difference_statistics(-difference, 0.95)["first_smaller"] == pytest.approx(
-        0.5
-    )
-    assert _difference_statistics(np.zeros(4), 0.95)["first_smaller"] == pytest.approx(
-        0.5
-    )
-    assert _difference_statistics(np.array([-1.0, 0.0, 0.0, 2.0, 3.0]), 0.95)[
+    assert _difference_statistics(difference)["first_smaller"] == pytest.approx(0.5)
+    assert _difference_statistics(-difference)["first_smaller"] == pytest.approx(0.5)
+    assert _difference_statistics(np.zeros(4))["first_smaller"] == pytest.approx(0.5)
+    assert _difference_statistics(np.array([-1.0, 0.0, 0.0, 2.0, 3.0]))[
         "first_smaller"
     ] == pytest.approx(0.4)
-    assert _difference_statistics(np.zeros(1), 0.95)["first_smaller"] == pytest.approx(
-        0.5
-    ), "one tie is half of each"
+    assert _difference_statistics(np.zeros(1))["first_smaller"] == pytest.approx(0.5), (
+        "one tie is half of each"
+    )
 
 
 def test_a_page_marks_what_too_few_episodes_leave_without_an_interval():
@@ -162,8 +156,8 @@ def pair_of_one():
     """The first of two laws succeeds in the only episode; Wilson: 0.2065 to 1, and 0 to
     0.7935.
     """
-    success = _success_difference(np.array([True]), np.array([False]), 0.95)
+    success = _success_difference(np.array([True]), np.array([False]))
     return {
         **success,
-        "metrics": {"pitch_rms": _difference_statistics(np.array([-0.02]), 0.95)},
+        "metrics": {"pitch_rms": _difference_statistics(np.array([-0.02]))},
     }

@@ -20,8 +20,12 @@ from skyarm.studies.compare.perturbed_plants import (
     spread_of,
     thrust_margin,
 )
-from skyarm.studies.flights import Crew
-from skyarm.studies.tune.candidate_flights import CandidateFlights, Flown, scores
+from skyarm.studies.flights import WorkRunner
+from skyarm.studies.tune.candidate_flights import (
+    CandidateFlights,
+    CandidateResults,
+    scores,
+)
 from skyarm.studies.tune.excitation import (
     BLOWN,
     DURATION,
@@ -166,7 +170,7 @@ def test_joints_with_servos_are_charged_no_effort():
         of_vehicle(load_vehicle("quadrotor_roll_arm2"), "decoupled_pd")
     )
     flight = dataclasses.replace(flight, duration=1.0)
-    flights = CandidateFlights(flight, (), draw_plants(flight, 2, seed=0), Crew())
+    flights = CandidateFlights(flight, (), draw_plants(flight, 2, seed=0), WorkRunner())
     flown = flights.fly("few", np.zeros((1, 0)))
     assert flown.effort.tolist() == [[0.0, 0.0]]
     assert (flown.jitter > 0.0).all()
@@ -222,7 +226,7 @@ def test_an_error_of_several_kinds_is_the_mean_of_their_quantiles_not_the_larges
     errors[0, 3] = 5.0
     kinds = np.repeat([0, 1], 10)
     none = np.zeros((1, 20))
-    flown = Flown(
+    flown = CandidateResults(
         error=errors,
         tip=errors,
         base=none,

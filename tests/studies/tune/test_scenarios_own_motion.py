@@ -16,12 +16,12 @@ from skyarm.records.leaves import parts
 from skyarm.reference import Constant
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario
-from skyarm.studies.flights import Crew
+from skyarm.studies.flights import WorkRunner
 from skyarm.studies.tune import candidate_flights
 from skyarm.studies.tune.candidate_flights import (
     OWN,
     CandidateFlights,
-    Flown,
+    CandidateResults,
     of_drawn,
     shorten,
     with_own,
@@ -97,7 +97,7 @@ def test_saturation_is_the_share_of_periods_with_a_rotor_at_its_limit():
     )
     plants = draw_plants(flight, 3, seed=1)
     found = (
-        CandidateFlights(flight, (), plants, Crew(), saturation=True)
+        CandidateFlights(flight, (), plants, WorkRunner(), saturation=True)
         .fly("few", np.zeros((1, 0)))
         .saturated[0]
     )
@@ -140,7 +140,7 @@ def test_plants_fly_the_motion_of_their_kind_in_as_many_flights(short, monkeypat
     knobs = find_knobs(flight.controller, "decoupled_pd")
     drawn = draw_plants(flight, 12, seed=3, mixed=True)
     plants, logs = with_own(drawn), np.array([[0.0] * len(knobs), [0.3] * len(knobs)])
-    crew, works = Crew(), []
+    crew, works = WorkRunner(), []
     real = crew.rows
     monkeypatch.setattr(crew, "rows", lambda asked: works.append(asked) or real(asked))
     flights = CandidateFlights(flight, knobs, plants, crew, own=own, seed=4, gust=True)
@@ -150,11 +150,11 @@ def test_plants_fly_the_motion_of_their_kind_in_as_many_flights(short, monkeypat
     labels = [work.label for asked in works for work in asked]
     assert labels == ["all.1", "all.own.1", "few.1", "few.own.1"]
     still = drawn.select(np.flatnonzero(plants.kinds != OWN))
-    alone = CandidateFlights(flight, knobs, drawn, Crew(), seed=4, gust=True).fly(
+    alone = CandidateFlights(flight, knobs, drawn, WorkRunner(), seed=4, gust=True).fly(
         "all", logs, others=still
     )
     mine = candidate_flights._without_motions(drawn)
-    own_alone = CandidateFlights(own, knobs, mine, Crew(), seed=4)
+    own_alone = CandidateFlights(own, knobs, mine, WorkRunner(), seed=4)
     for name, table in parts(
         own_alone.fly("own", logs, others=mine.select(np.array([3, 7, 11])))
     ).items():
@@ -194,12 +194,13 @@ class NoMargins:
         return np.zeros(len(logs))
 
 
-class Told:
+class FixedErrors:
     """In place of flights: errors of 1 mm along drawn motions, 16 mm along the
     scenario's own.
     """
 
-    flown: list[tuple[str, int, int]] = []  # noqa: RUF012  (stage, asked, plants), cleared by the test
+    # (stage, asked, plants), cleared by the test
+    flown: list[tuple[str, int, int]] = []  # noqa: RUF012
 
     def __init__(self, flight, knobs, plants, crew, *, own, seed, gust):
         self.plants = plants
@@ -210,16 +211,18 @@ class Told:
         table = np.ones((len(logs), len(kinds)))
         error = 1e-3 * np.where(kinds == OWN, 16.0, 1.0) * table
         rest = dict.fromkeys(("base", "pull", "jitter", "effort", "saturated"), table)
-        return Flown(error=error, tip=error, lost=table < 0.0, kinds=kinds, **rest)
+        return CandidateResults(
+            error=error, tip=error, lost=table < 0.0, kinds=kinds, **rest
+        )
 
 
 def test_the_own_motion_is_one_kind_of_four_from_the_first_round_to_the_finalists(
     short, monkeypatch
 ):
     flight, own = short
-    monkeypatch.setattr(Subject, "flights", Told)
+    monkeypatch.setattr(Subject, "flights", FixedErrors)
     monkeypatch.setattr(Subject, "margins", NoMargins)
-    Told.flown.clear()
+    FixedErrors.flown.clear()
     knobs, effort = find_knobs(flight.controller, "decoupled_pd"), Effort().scale(64, 8)
     plan = TuningPlan(
         flight=flight,
@@ -234,7 +237,7 @@ def test_the_own_motion_is_one_kind_of_four_from_the_first_round_to_the_finalist
     asked = np.zeros((5 * effort.population, len(knobs)))
 
     flies = Tuner(
-        plan, draw_plants(flight, 8, seed=0, mixed=True), Crew(), lambda *_: None
+        plan, draw_plants(flight, 8, seed=0, mixed=True), WorkRunner(), lambda *_: None
     )
     first = [
         flies.judge(0, asked, 4),
@@ -251,5 +254,5 @@ def test_the_own_motion_is_one_kind_of_four_from_the_first_round_to_the_finalist
         ("round_001", 50, 8),
         last,
     ]
-    assert Told.flown == stages
+    assert FixedErrors.flown == stages
     assert plan.facts()["motions"] == [*KINDS, "own"]

@@ -23,7 +23,7 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import LIBRARY, scenario_from
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.team_suite import TeamSuite
-from skyarm.studies.flights import Crew, Rows, Work, executor, fly
+from skyarm.studies.flights import Rows, Work, WorkRunner, executor, fly
 from skyarm.studies.tune import tuning
 from skyarm.studies.tune.candidate_flights import scores
 from skyarm.studies.tune.front import Point
@@ -221,7 +221,7 @@ def test_plants_have_in_turn_other_masses_and_the_grasp_of_each_member_off() -> 
 
 @pytest.mark.thorough
 def test_flights_of_a_batch_are_those_flown_alone() -> None:
-    flight, crew = team_flight(short()), Crew()
+    flight, crew = team_flight(short()), WorkRunner()
     plants = TEAM.draw(flight, 3, seed=1, mixed=True)
     flights = TeamCandidates(flight, TEAM.knobs(flight, None), plants, crew, seed=3)
     logs = np.array([[0.0, 0.0, 0.0], [-1.0, -1.5, -2.0]])
@@ -286,7 +286,7 @@ def test_tuned_options_are_no_worse_than_the_defaults_under_seeds_not_tuned_on(
 ) -> None:
     flight = found.plan.flight
     plants = TEAM.draw(flight, 12, seed=77, mixed=True)
-    flights = TeamCandidates(flight, found.plan.knobs, plants, Crew(), seed=77)
+    flights = TeamCandidates(flight, found.plan.knobs, plants, WorkRunner(), seed=77)
     before, after = scores(
         flights.fly("unseen", np.array([found.before.logs, found.pick.logs]))
     ).error
@@ -475,9 +475,7 @@ def test_a_flight_of_a_team_is_refused_since_no_scenario_can_be_written_from_it(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_grasp_of_a_cable_is_off_at_the_body_and_the_team_supposes_its_place() -> (
-    None
-):
+def test_a_cables_grasp_is_off_at_the_body_and_the_team_supposes_its_place() -> None:
     places = {"left": (0.0, 0.19, 0.0097), "right": (0.0, -0.19, 0.0097)}
     tables = on_cables(
         BAR, places, team=SWINGING, motion={"phases": HANGING}, duration=2.0
@@ -496,7 +494,7 @@ def test_a_grasp_of_a_cable_is_off_at_the_body_and_the_team_supposes_its_place()
     )
     plants = TEAM.draw(team_flight(scenario), 9, seed=0, mixed=True)
     knobs = TEAM.knobs(scenario, None)
-    flown = TeamCandidates(team_flight(scenario), knobs, plants, Crew()).fly(
+    flown = TeamCandidates(team_flight(scenario), knobs, plants, WorkRunner()).fly(
         "few", np.zeros((1, len(knobs)))
     )
     assert not flown.lost.any()

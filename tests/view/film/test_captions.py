@@ -178,9 +178,7 @@ def test_errors_are_said_in_millimetres_of_two_or_three_digits() -> None:
     ]
 
 
-def test_the_plot_is_logarithmic_where_the_errors_are_far_apart_and_shows_each_curve() -> (
-    None
-):
+def test_the_plot_is_logarithmic_where_errors_are_far_apart_with_each_curve() -> None:
     time = np.linspace(0.0, 10.0, 4000)
     red, green = (1.0, 0.0, 0.0), (0.0, 0.6, 0.0)
 

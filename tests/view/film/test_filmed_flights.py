@@ -125,9 +125,7 @@ def test_a_lost_flight_stays_where_it_was_lost() -> None:
     assert film_flights([log], times)[0].lost == ""
 
 
-def test_a_whole_flight_ends_after_its_last_period_and_after_every_frame_of_its_own() -> (
-    None
-):
+def test_a_whole_flight_ends_after_its_last_period_and_its_own_frames() -> None:
     log = flight()
     whole = film_flights([log], log.time)[0]
     assert whole.end == pytest.approx(SECONDS)

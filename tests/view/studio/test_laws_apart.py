@@ -79,9 +79,7 @@ def test_a_plot_has_whole_seconds_before_now_whatever_its_page_was_shown_first()
     assert node.padding[0] >= 6, "half of the topmost label is above the axis"
 
 
-def test_a_plot_of_several_curves_says_which_is_which_where_they_lie_on_each_other() -> (
-    None
-):
+def test_a_plot_of_several_curves_names_them_where_they_lie_on_each_other() -> None:
     alone, several = plotted(1, (0.1,))[1], plotted(2, (0.1,), ("least", "most"))[1]
     assert (alone.legend["show"], several.legend["show"]) == (False, True)
     _, *curves, unseen = several.series

@@ -134,9 +134,7 @@ def test_the_clock_reaches_every_instant_stops_at_the_end_and_begins_again() -> 
     assert shown.time == 2.0
 
 
-def test_the_picture_has_the_flight_as_a_ghost_and_the_model_where_it_is_predicted() -> (
-    None
-):
+def test_the_picture_has_the_flight_as_a_ghost_and_the_predicted_model() -> None:
     scene = Scene()
     shown, camera = replay(), SimpleNamespace()
     picture = ReplayPicture(SimpleNamespace(scene=scene, initial_camera=camera), shown)

@@ -119,9 +119,7 @@ def test_payloads_are_drawn_where_they_are_held_and_where_they_hang() -> None:
     assert not [name for name in nodes.nodes if "cord" in name]
 
 
-def test_a_solid_at_the_origin_of_the_world_is_drawn_there_at_any_place_in_its_body() -> (
-    None
-):
+def test_a_solid_at_the_world_origin_is_drawn_there_at_any_place_in_its_body() -> None:
     shape = Shape(
         name="box",
         role="object",

@@ -153,9 +153,7 @@ def picture_of(scenario: Any) -> tuple[FleetPicture, Nodes, SimpleNamespace]:
     return picture, scene, camera
 
 
-def test_a_camera_that_follows_leaves_the_vehicle_where_it_was_and_moves_the_ground() -> (
-    None
-):
+def test_a_camera_that_follows_leaves_the_vehicle_and_moves_the_ground() -> None:
     picture, scene, _ = picture_of(session().scenario)
     flown = session()
     start, seen = flown.state, sight(flown)

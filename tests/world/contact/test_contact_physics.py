@@ -279,9 +279,13 @@ def test_a_drop_is_that_of_mujocos_own_contact():
 
     mass, k = float(BIRD.mass), 5000.0
     text = f"""<mujoco><option gravity="0 0 0" timestep="1e-4" cone="elliptic"/>
-      <default><geom condim="1" solref="-{k / mass} 0" solimp="0.9999 0.9999 0.001"/></default>
+      <default>
+      <geom condim="1" solref="-{k / mass} 0" solimp="0.9999 0.9999 0.001"/>
+      </default>
       <worldbody><geom type="plane" size="1 1 1"/>
-      <body pos="0 0 0.1"><freejoint/><geom type="sphere" size="0.1" mass="{mass}"/></body></worldbody></mujoco>"""
+      <body pos="0 0 0.1"><freejoint/>
+      <geom type="sphere" size="0.1" mass="{mass}"/></body>
+      </worldbody></mujoco>"""
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
     data.qvel[2] = -0.3

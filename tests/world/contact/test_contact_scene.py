@@ -310,9 +310,7 @@ def test_arrows_are_the_forces_on_the_points() -> None:
     )
 
 
-def test_points_are_marked_where_the_contact_has_them_and_the_tip_has_no_second_mark() -> (
-    None
-):
+def test_points_are_marked_where_they_are_and_the_tip_has_no_second_mark() -> None:
     contact, state, vehicle = touching_world()
     motion = PointMotion(vehicle, state)
     memory, seen = contact.start(0.005, ()), instant_of(motion, 0.0, np.zeros(3))

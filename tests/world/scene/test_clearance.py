@@ -283,9 +283,7 @@ def test_derivatives_of_a_rod_near_and_in_a_surface_are_central_differences(
             )
 
 
-def test_the_second_derivative_of_a_distance_from_an_edge_is_that_of_the_hypotenuse() -> (
-    None
-):
+def test_second_derivative_of_distance_from_edge_is_that_of_hypotenuse() -> None:
     box, rod = (
         Surface(name="box", shape="box", size=(0.4, 0.4, 4.0)),
         capsule(np.zeros(3), np.ones(3), 0.0),

@@ -123,6 +123,7 @@ def _quarter_turns(x: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     # the sign of a zero is the remainder's
     sine = f.copysign(r + (r * z) * _even_polynomial(z, SIN), r)
     cosine = 1.0 - (0.5 * z - (z * z) * _even_polynomial(z, COS))
+    # modulo 4 by floor, which every engine has exactly
     quarters = turns - 4.0 * f.floor(0.25 * turns)
     turned = quarters > 1.5
     return (
@@ -159,6 +160,7 @@ def tan(x: Scalar) -> Scalar:
 
 def exp(x: Scalar) -> Scalar:
     """Exponential of x; inf above 709.78, 0 below -745."""
+    # clipped, so that 2**k stays a number also where the result is chosen below
     k = f.floor(f.clip(x, -746.0, 710.0) * ONE_OVER_LN2 + 0.5)
     high, low = x - k * LN2_HIGH, k * LN2_LOW
     r = high - low
@@ -175,6 +177,7 @@ def exp(x: Scalar) -> Scalar:
 
 def log(x: Scalar) -> Scalar:
     """Natural logarithm of x; -inf at zero, NaN below."""
+    # a mantissa from sqrt(1/2) to sqrt(2): the logarithm's series is shortest there
     big = f.mantissa(x) > 1.4142135623730951
     k = f.exponent(x) + f.where(big, 1.0, 0.0)
     m = f.mantissa(x) * f.where(big, 0.5, 1.0) - 1.0
@@ -193,6 +196,7 @@ def log(x: Scalar) -> Scalar:
 
 def _atan01(t: Scalar) -> Scalar:
     """Arctangent of t in [0, 1]."""
+    # Cephes' bound: beyond it the argument is turned by 45 degrees, to within 0.2
     far = t > 0.66
     r = f.where(far, f.divide(t - 1.0, t + 1.0), t)
     z = r * r
@@ -229,6 +233,7 @@ def acos(x: Scalar) -> Scalar:
 def tanh(x: Scalar) -> Scalar:
     """Hyperbolic tangent of x."""
     z = x * x
+    # as Cephes: a rational function below 0.625, 1 - 2 / (e^(2 x) + 1) above it
     small = _odd_function(x, x + x * f.divide(z * horner(z, TANH_P), horner(z, TANH_Q)))
     size = f.absolute(x)
     large = 1.0 - f.divide(2.0, exp(2.0 * size) + 1.0)

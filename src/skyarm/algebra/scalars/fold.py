@@ -39,6 +39,7 @@ def structural(value: float) -> int | float:
     """Convert an exact 0, 1 or -1 to an int, a compile-time constant; any other number
     to a float.
     """
+    # a description's exact 0 or 1 is meant: it may fold, as any other number may not
     return int(value) if value in (0.0, 1.0, -1.0) else float(value)
 
 

@@ -35,6 +35,7 @@ def register(kind: type, namespace: Any, *, over_others: bool = False) -> None:
     _NAMESPACES[kind] = namespace
     if over_others:
         _OVER_OTHERS.add(kind)
+    # what was decided before may fall to the new kind
     _DECIDED.clear()
 
 
@@ -42,6 +43,7 @@ def _silent(function: Function) -> Function:
     numpy = sys.modules["numpy"]
 
     def call(*arguments: Scalar) -> Scalar:
+        # where evaluates both branches: what is not taken must not warn
         with numpy.errstate(all="ignore"):
             return function(*arguments)
 
@@ -87,6 +89,7 @@ def _casadi_namespace(casadi: ModuleType) -> SimpleNamespace:
 
 def _discover(kind: type) -> SimpleNamespace:
     """Find the functions of an array type in the library that defines the type."""
+    # a subclass of an array type, as a user may have, has its library's functions
     for base in kind.__mro__:
         root = base.__module__.split(".")[0]
         if root == "numpy":

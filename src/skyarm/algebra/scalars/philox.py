@@ -5,18 +5,19 @@ A draw has no memory: it is a pure function of (seed, episode, channel, step), w
 was drawn before it, in whatever order and on whatever engine. The layout is a promise;
 an engine that draws noise itself must follow it bit by bit.
 
-=========  ==========================================================================================
+=========  =============================================================================
 key        ``k0`` = low 32 bits of the seed, ``k1`` = its high 32 bits (seeds have 64
            bits)
 counter    ``c0`` = block, ``c1`` = step, ``c2`` = channel, ``c3`` = episode (32 bits
            each, unsigned)
 output     four words ``w0 w1 w2 w3`` a block
-uniform j  block ``j // 2``; ``x = w0 + 2**32 w1`` for even j, ``x = w2 + 2**32 w3`` for odd j;
-           ``u = (2 (x >> 12) + 1) * 2**-53``: odd multiples of 2**-53, exact doubles, never 0 or 1, symmetric about 1/2
+uniform j  block ``j // 2``; ``x = w0 + 2**32 w1`` for even j, ``x = w2 + 2**32 w3``
+           for odd j; ``u = (2 (x >> 12) + 1) * 2**-53``: odd multiples of 2**-53, exact
+           doubles, never 0 or 1, symmetric about 1/2
 normal j   from the two uniforms ``a``, ``b`` of block ``j // 2``: ``sqrt(-2 log a)``
            times ``cos(2 pi b)`` for even j, times ``sin(2 pi b)`` for odd j; the
            largest magnitude is sqrt(106 log 2) = 8.57
-=========  ==========================================================================================
+=========  =============================================================================
 
 Words, uniforms and normals are equal on all engines to the bit: log, sin and cos are
 those of :mod:`skyarm.algebra.scalars.elementary`. The step is a whole number of 32
@@ -127,6 +128,7 @@ def normal(
     :func:`uniform`.
     Source: Box, Muller 1958.
     """
+    # whole pairs, so that the first numbers are the same for any count
     pairs = uniforms(seed, episode, channel, steps, count + count % 2)
     both = np.stack(
         [*map(np.asarray, normal_pair(pairs[..., 0::2], pairs[..., 1::2]))], axis=-1
@@ -159,6 +161,7 @@ def normals(uniforms: Sequence[Scalar]) -> list[Scalar]:
 
 def _unit(low: Words, high: Words) -> NDArray[np.float64]:
     """Uniform numbers in (0, 1) from pairs of random 32-bit words."""
+    # 52 bits: each number is the middle of its interval, so that none is 0 or 1
     bits = ((high << np.uint64(32)) | low) >> np.uint64(12)
     return (bits * np.uint64(2) + np.uint64(1)).astype(np.float64) * 2.0**-53
 

@@ -77,27 +77,21 @@ class Taylor:
 
     def __add__(self, other: Scalar) -> Taylor:
         """Sum of two Taylor series."""
-        return Taylor(
-            [add(a, b) for a, b in zip(self.c, self._terms(other), strict=False)]
-        )
+        return Taylor([*map(add, self.c, self._terms(other))])
 
     __radd__ = __add__
 
     def __sub__(self, other: Scalar) -> Taylor:
         """Difference of two Taylor series."""
-        return Taylor(
-            [sub(a, b) for a, b in zip(self.c, self._terms(other), strict=False)]
-        )
+        return Taylor([*map(sub, self.c, self._terms(other))])
 
     def __rsub__(self, other: Scalar) -> Taylor:
         """Difference of a constant and this Taylor series."""
-        return Taylor(
-            [sub(a, b) for a, b in zip(self._terms(other), self.c, strict=False)]
-        )
+        return Taylor([*map(sub, self._terms(other), self.c)])
 
     def __neg__(self) -> Taylor:
         """Negated Taylor series."""
-        return Taylor([neg(a) for a in self.c])
+        return Taylor([*map(neg, self.c)])
 
     def __mul__(self, other: Scalar) -> Taylor:
         """Product of two Taylor series (Cauchy product)."""
@@ -152,6 +146,7 @@ def _sine_cosine(x: Taylor) -> tuple[Taylor, Taylor]:
                 add(up, mul(slope[j], c[k - j])),
                 add(down, mul(slope[j], s[k - j])),
             )
+        # an int 1 folds: no multiplication for the first coefficient
         share = 1 if k == 1 else 1.0 / k
         s.append(mul(up, share))
         c.append(mul(neg(down), share))
@@ -220,6 +215,7 @@ def inverse_root(x: Scalar, halvings: int = 1) -> Scalar:
     if not isinstance(x, Taylor):
         return value
     exponent, coefficients = -(0.5**halvings), [value]
+    # (x^-1/2)^2 = 1 / x saves a division
     inverse = mul(value, value) if halvings == 1 else functions.divide(1.0, x.c[0])
     steps = [mul(c, inverse) for c in x.c]
     for k in range(1, len(x.c)):

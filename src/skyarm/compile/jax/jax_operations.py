@@ -91,7 +91,8 @@ def divide(a: Array, b: Array) -> Array:
 @divide.defjvp
 def _(primals: tuple[Array, ...], tangents: tuple[Array, ...]) -> tuple[Array, Array]:
     (a, b), (da, db) = primals, tangents
-    q, zero = lax.div(a, b), b == 0.0
+    q = lax.div(a, b)
+    zero = b == 0.0
     safe, scale = lax.select(zero, _like(b, 1.0), b), lax.select(zero, _like(q, 0.0), q)
     slope = (da - scale * db) / safe
     return q, lax.select(zero, _like(slope, 0.0), slope)

@@ -116,10 +116,8 @@ class Assembly:
         """Write a program in LLVM's language; the arguments are those of
         :class:`Kernel`.
         """
-        written, size = (
-            operations(loop.program.nodes, written=True),
-            operations(loop.program.nodes),
-        )
+        written = operations(loop.program.nodes, written=True)
+        size = operations(loop.program.nodes)
         effort = effort if written <= LARGE else 0
         return Assembly(assembly(loop, lanes, logging=logging), written, size, effort)
 
@@ -232,7 +230,8 @@ class Kernel:
         )
         entries = -(-r.shape[0] // every) if self.logging else 0
         log = np.zeros((entries, self.loop.logged, padded), dtype=self.dtype)
-        arrays, blocks = (c, p, r, log, keys), padded // width
+        arrays = (c, p, r, log, keys)
+        blocks = padded // width
         steps = SharedSteps(
             self.machine,
             arrays,
@@ -323,7 +322,7 @@ def work_behind(command: str, text: str) -> None:
     with suppress(OSError), tempfile.TemporaryFile() as file:
         file.write(text.encode())
         file.seek(0)
-        words = [
+        arguments = [
             sys.executable,
             "-P",
             "-c",
@@ -332,7 +331,11 @@ def work_behind(command: str, text: str) -> None:
         quiet = subprocess.DEVNULL
         _behind.append(
             subprocess.Popen(
-                words, stdin=file, stdout=quiet, stderr=quiet, start_new_session=True
+                arguments,
+                stdin=file,
+                stdout=quiet,
+                stderr=quiet,
+                start_new_session=True,
             )
         )
 

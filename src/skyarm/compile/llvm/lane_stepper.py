@@ -50,7 +50,8 @@ class LaneStepper:
         width = kernel.lanes.width
         blocks = -(-lanes // width)
         stride = apart(blocks) * width
-        loop, dtype = kernel.loop, kernel.dtype
+        loop = kernel.loop
+        dtype = kernel.dtype
         self._kernel = kernel
         self._carry = np.zeros((loop.carry, stride), dtype)
         self._parameters = np.zeros((loop.parameters, stride), dtype)
@@ -62,14 +63,13 @@ class LaneStepper:
         self._keys = np.zeros(
             1 + stride * (2 if loop.own_seeds else 1), dtype=np.uint64
         )
-        self._keys[0], self._keys[1 + stride :] = seed, seed
+        self._keys[0] = seed
+        self._keys[1 + stride :] = seed
         self._seeds = self._keys[1 + stride :]
         self._tick = 0
-        self.carry, self.parameters, self.row = (
-            self._carry[:, :lanes],
-            self._parameters[:, :lanes],
-            self._row[0],
-        )
+        self.carry = self._carry[:, :lanes]
+        self.parameters = self._parameters[:, :lanes]
+        self.row = self._row[0]
         arrays = (self._carry, self._parameters, self._row, self._log, self._keys)
         # first block, last block, begin, end, start, lanes, log every
         pointers = [array.ctypes.data for array in arrays]
@@ -78,10 +78,12 @@ class LaneStepper:
         )
         self._pointer = ctypes.c_void_p(self._arguments.ctypes.data)
         self._quick = kernel.quick
-        self._arrays, self._blocks = arrays, blocks
+        self._arrays = arrays
+        self._blocks = blocks
         self._shared: SharedSteps | None = None
         self._workers = Workers()
-        self._threads, self._process = threads, os.getpid()
+        self._threads = threads
+        self._process = os.getpid()
         if threads > 1 and lanes > ALONE:
             self._shared = SharedSteps(
                 kernel.machine, arrays, blocks=blocks, lanes=stride, threads=threads
@@ -91,7 +93,8 @@ class LaneStepper:
         """Copy the last lane into the unused elements of the last SIMD vector; call it
         after writing to the arrays.
         """
-        lanes, last = self.carry.shape[1], self._blocks * self._kernel.lanes.width
+        lanes = self.carry.shape[1]
+        last = self._blocks * self._kernel.lanes.width
         if lanes == last:
             return
         for array in (self._carry, self._parameters):
@@ -124,13 +127,15 @@ class LaneStepper:
         What is raised meanwhile, as Ctrl-C raises it, comes through once every lane has
         made the step.
         """
-        tick, self._tick = self._tick, self._tick + 1
+        tick = self._tick
+        self._tick = self._tick + 1
         if self._shared is None:
             self._arguments[9] = tick
             self._quick(self._pointer)
         else:
             if self._process != os.getpid():  # threads stay behind in a fork
-                self._workers, self._process = Workers(), os.getpid()
+                self._workers = Workers()
+                self._process = os.getpid()
             self._shared.run(tick, self._workers, whole=True)
 
     def close(self) -> None:
@@ -175,7 +180,8 @@ class Stepper:
     ) -> None:
         if kernel.lanes.width != 1:
             raise ValueError(f"lanes.width = {kernel.lanes.width}: must be 1")
-        loop, dtype = kernel.loop, kernel.dtype
+        loop = kernel.loop
+        dtype = kernel.dtype
         self.carry = np.array(carry, dtype=dtype)
         self.parameters = np.array(
             () if parameters is None else parameters, dtype=dtype
@@ -262,21 +268,22 @@ class Quick:
             # what is called once a step is worth its making: all of LLVM's effort
             stepper = Stepper(Kernel(loop, Lanes(1), logging=True), np.zeros(0))
         except NoMachineCodeError:
-            self.inputs, self.outputs = np.zeros(loop.row), np.zeros(loop.logged)
+            self.inputs = np.zeros(loop.row)
+            self.outputs = np.zeros(loop.logged)
             self.step = self._in_python(loop)
         else:
-            self.inputs, self.outputs, self.step = (
-                stepper.row,
-                stepper.output,
-                stepper.step,
-            )
+            self.inputs = stepper.row
+            self.outputs = stepper.output
+            self.step = stepper.step
 
     def shaped(self) -> Any:
         """Output values as the dataclass that the compiled function returns."""
         return rebuild(self._result, iter(self.outputs.tolist()))
 
     def _in_python(self, loop: Loop) -> Callable[[], None]:
-        program, inputs, outputs = loop.stepper(), self.inputs, self.outputs
+        program = loop.stepper()
+        inputs = self.inputs
+        outputs = self.outputs
 
         def step() -> None:
             outputs[:] = program(inputs.tolist())

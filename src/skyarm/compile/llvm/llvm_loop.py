@@ -83,15 +83,13 @@ def _philox(
     k0, k1 = keys
     for index in range(ROUNDS):
         if index:
-            k0 = writer.emit(
-                f"and {words}"
-                f" {writer.emit(f'add {words} {k0}, {splat(KEY_INCREMENTS[0])}')},"
-                f" {splat(LOW)}"
-            )
-            k1 = writer.emit(
-                f"and {words}"
-                f" {writer.emit(f'add {words} {k1}, {splat(KEY_INCREMENTS[1])}')},"
-                f" {splat(LOW)}"
+            k0, k1 = (
+                writer.emit(
+                    f"and {words}"
+                    f" {writer.emit(f'add {words} {k}, {splat(increment)}')},"
+                    f" {splat(LOW)}"
+                )
+                for k, increment in zip((k0, k1), KEY_INCREMENTS, strict=True)
             )
         p0 = writer.emit(f"mul {words} {c0}, {splat(MULTIPLIERS[0])}")
         p1 = writer.emit(f"mul {words} {c2}, {splat(MULTIPLIERS[1])}")
@@ -284,7 +282,7 @@ def _call() -> list[str]:
     """Assembly of a second entry function, whose only argument is a pointer to the
     array of all arguments.
     """
-    kinds = ["ptr"] * 5 + ["i64"] * 7
+    kinds = [argument.split()[0] for argument in ARGUMENTS]
     lines = [f"define void @{CALL}(ptr %arguments) {{"]
     for k, kind in enumerate(kinds):
         lines.append(f"  %at{k} = getelementptr i64, ptr %arguments, i64 {k}")
@@ -325,11 +323,9 @@ def split_by_row(loop: Loop) -> tuple[Loop, Loop]:
         Program whose carry is the row and whose log are the numbers that follow it; the
         step.
     """
-    nodes, inputs, outputs = (
-        loop.program.nodes,
-        loop.program.inputs,
-        loop.program.outputs,
-    )
+    nodes = loop.program.nodes
+    inputs = loop.program.inputs
+    outputs = loop.program.outputs
     end = loop.carry + loop.parameters + loop.row
     row = inputs[end - loop.row : end]
     known, rest = _split(nodes, row)
@@ -371,12 +367,11 @@ def _addresses(writer: Writer, base: str, first: str, count: int) -> Iterator[st
     Each is a step of ``%lanes`` from the last: a multiplication for every one was a
     quarter of a program's text.
     """
-    at, skip = base, first
+    at = base
+    skip = first
     for _ in range(count):
-        at, skip = (
-            writer.emit(f"getelementptr {writer.lanes.scalar}, ptr {at}, i64 {skip}"),
-            "%lanes",
-        )
+        at = writer.emit(f"getelementptr {writer.lanes.scalar}, ptr {at}, i64 {skip}")
+        skip = "%lanes"
         yield at
 
 

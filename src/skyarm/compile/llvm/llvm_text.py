@@ -128,7 +128,8 @@ class Writer:
         """Write assembly that copies a scalar of a type into all SIMD lanes; returns
         the vector's name.
         """
-        lanes, vector = self.lanes, self.lanes.vector_of(scalar)
+        lanes = self.lanes
+        vector = self.lanes.vector_of(scalar)
         if lanes.width == 1:
             return name
         first = self.emit(f"insertelement {vector} poison, {scalar} {name}, i64 0")
@@ -152,7 +153,8 @@ class Writer:
         iteration.
         """
         count, slots, until = block.value
-        label, vector = f"r{block.index}", self.lanes.vector
+        label = f"r{block.index}"
+        vector = self.lanes.vector
         starts = [self.names[arg.index] for arg in block.args[: len(slots)]]
         for k, slot in enumerate(slots):
             self.names[slot.index] = f"%{label}.s{k}"
@@ -167,14 +169,14 @@ class Writer:
         ends = [self.names[arg.index] for arg in block.args[len(slots) :]]
         # phis come first in a block, but name what its end computes
         phis = [
-            f"  %{label}.i = phi i64 [ 1, %{label}.entry ], [ %{label}.next, %{label} ]"
+            f" = phi {vector} [ {start}, %{label}.entry ], [ {end}, %{label} ]"
+            for start, end in zip(starts, ends, strict=True)
         ]
-        for k, (start, end) in enumerate(zip(starts, ends, strict=True)):
-            phis.append(
-                f"  %{label}.s{k} = phi {vector} [ {start}, %{label}.entry ], [ {end},"
-                f" %{label} ]"
-            )
-        self.lines[heads:heads] = phis
+        count_phi = f" = phi i64 [ 1, %{label}.entry ], [ %{label}.next, %{label} ]"
+        self.lines[heads:heads] = [
+            f"  %{label}.i{count_phi}",
+            *(f"  %{label}.s{k}{phi}" for k, phi in enumerate(phis)),
+        ]
         self.lines += [
             f"  %{label}.next = add i64 %{label}.i, 1",
             f"  %{label}.more = icmp slt i64 %{label}.i, {count}",
@@ -186,11 +188,7 @@ class Writer:
             f"  br i1 {more}, label %{label}, label %{label}.exit",
             f"{label}.exit:",
         ]
-        for k, (start, end) in enumerate(zip(starts, ends, strict=True)):
-            self.do(
-                f"  %{label}.e{k} = phi {vector} [ {start}, %{label}.entry ], [ {end},"
-                f" %{label} ]"
-            )
+        self.lines += [f"  %{label}.e{k}{phi}" for k, phi in enumerate(phis)]
 
     def scratch(self, nodes: Iterable[Node]) -> None:
         """Write assembly that reserves memory for arguments and results of the shared
@@ -216,7 +214,8 @@ class Writer:
         """Write the assembly of a call of a shared function, and of that function if
         this is its first call.
         """
-        function, vector = call.value, self.lanes.vector
+        function = call.value
+        vector = self.lanes.vector
         if id(function) not in self.functions:
             lines = self.functions[id(function)] = list[str]()
             inner = Writer(self.lanes, lines, {}, self.intrinsics, self.functions)
@@ -261,13 +260,15 @@ class Writer:
         return self.emit(f"call i1 {name}({self.lanes.mask} {condition})")
 
     def _value(self, node: Node) -> str:
-        lanes, op = self.lanes, node.op
+        lanes = self.lanes
+        op = node.op
         if op == "const":
             if is_condition(node):
                 return lanes.splat(f"i1 {int(node.value)}")
             return lanes.constant(node.value)
         args = [self.names[arg.index] for arg in node.args]
-        vector, flags = lanes.vector, "contract " if lanes.contract else ""
+        vector = lanes.vector
+        flags = "contract " if lanes.contract else ""
         if op in ARITHMETIC:
             return self.emit(f"{ARITHMETIC[op]} {flags}{vector} {args[0]}, {args[1]}")
         if op == "neg":

@@ -96,7 +96,8 @@ def unused_reason() -> str:
     Raises:
         ValueError: ``SKYARM_CACHE_SIZE`` is no number.
     """
-    folder, state = cache_folder(), state_folder()
+    folder = cache_folder()
+    state = state_folder()
     if not size_limit():
         return "SKYARM_CACHE_SIZE is 0"
     if folder is None or state is None:
@@ -206,7 +207,8 @@ def load(identity: str) -> bytes | None:
     Raises:
         ValueError: ``SKYARM_CACHE_SIZE`` is no number.
     """
-    folder, limit = cache_folder(), size_limit()
+    folder = cache_folder()
+    limit = size_limit()
     if folder is None or not limit:
         return None
     entry = folder / _name(identity)
@@ -231,7 +233,8 @@ def store(identity: str, content: bytes) -> None:
     Raises:
         ValueError: ``SKYARM_CACHE_SIZE`` is no number.
     """
-    folder, limit = cache_folder(), size_limit()
+    folder = cache_folder()
+    limit = size_limit()
     if folder is None or not limit or not usable(folder):
         return
     key = user_key(make=True)

@@ -51,7 +51,9 @@ Arguments = ctypes.c_int64 * 12
 """Arguments of the machine code: five arrays, first and last block, begin, end, start,
 lanes, logging interval."""
 
-FIRST, LAST, BEGIN, END, START = range(5, 10)
+FIRST, BEGIN, START = 5, 7, 9
+"""Indices among these arguments of the first block, of the first row (``begin``) and of
+the number of that row's step."""
 
 
 @positional
@@ -139,26 +141,13 @@ class SharedSteps:
         every: int = 1,
         threads: int = 1,
     ) -> None:
-        self._machine, self._blocks, self._steps, self._most = (
-            machine,
-            blocks,
-            len(arrays[2]),
-            threads,
-        )
+        self._machine = machine
+        self._blocks = blocks
+        self._steps = len(arrays[2])
+        self._most = threads
         # whoever may still step holds arrays and machine code
-        self._arrays, self._fixed = (
-            arrays,
-            (
-                *map(_address, arrays),
-                0,
-                0,
-                0,
-                0,
-                0,
-                lanes,
-                every,
-            ),
-        )
+        self._arrays = arrays
+        self._fixed = (*map(_address, arrays), *(0,) * 5, lanes, every)
 
     def run(
         self, start: int, workers: Workers | None = None, *, whole: bool = False
@@ -174,8 +163,8 @@ class SharedSteps:
             workers: threads; None steps in the caller's.
             whole: never leave some lanes a step ahead of others; needs threads.
         """
-        machine = self._machine
-        group, span = slice_work(self._blocks, self._steps, machine.pace, self._most)
+        pace = self._machine.pace
+        group, span = slice_work(self._blocks, self._steps, pace, self._most)
         groups, given_up = deque(range(0, self._blocks, group)), list[bool]()
 
         def step() -> None:
@@ -184,30 +173,20 @@ class SharedSteps:
             with suppress(IndexError):  # no group is left
                 while not given_up:
                     first = groups.popleft()
-                    arguments[FIRST], arguments[LAST] = (
-                        first,
-                        min(first + group, self._blocks),
-                    )
+                    arguments[FIRST:BEGIN] = [first, min(first + group, self._blocks)]
                     for begin in range(0, self._steps, span):
                         if given_up:
                             return
-                        arguments[BEGIN], arguments[END] = (
-                            begin,
-                            min(begin + span, self._steps),
-                        )
-                        machine.call(arguments)
+                        arguments[BEGIN:START] = [begin, min(begin + span, self._steps)]
+                        self._machine.call(arguments)
 
-        shares = int(self._blocks * self._steps * machine.pace / SHARED)
+        shares = int(self._blocks * self._steps * pace / SHARED)
         threads = max(2 if whole else 1, min(self._most, len(groups), shares))
         if workers is None or threads == 1:
             step()
             return
-        entered, left, failed, bell = (
-            list[bool](),
-            list[bool](),
-            list[BaseException](),
-            SimpleQueue[bool](),
-        )
+        entered, left = list[bool](), list[bool]()
+        failed, bell = list[BaseException](), SimpleQueue[bool]()
 
         def share() -> None:
             entered.append(True)
@@ -235,12 +214,11 @@ class SharedSteps:
         except BaseException:
             if not (whole and workers.count):
                 given_up.append(True)
-            done = False
-            while not done:  # however often this is interrupted, too
+            while True:  # however often this is interrupted, too
                 with suppress(BaseException):
                     workers.put(share)
                     finish()
-                    done = True
+                    break
             raise
         if failed:
             raise failed[0]

@@ -76,7 +76,8 @@ def contents(
         below = getattr(value, "__dict__", below)
     if not below:
         return {place: value.tobytes() if hasattr(value, "tobytes") else value}
-    inside, found = (*above, id(value)), dict[str, Any]()
+    inside = (*above, id(value))
+    found = dict[str, Any]()
     for name, inner in below.items():
         if id(inner) not in inside:
             found |= contents(inner, f"{place}.{name}", inside)

@@ -136,10 +136,8 @@ def repeat(
     if graph is not None and graph.loops and (count > 1 or until is not None):
         graph.loops = False
         try:
-            starts, before = (
-                [graph.lift(leaf) for leaf in leaves(record)],
-                len(graph.nodes),
-            )
+            starts = [graph.lift(leaf) for leaf in leaves(record)]
+            before = len(graph.nodes)
             slots = [graph.slot() for _ in starts]
             ends = [
                 graph.lift(leaf)
@@ -187,7 +185,8 @@ def compiled_once(
         constants: what else the function depends on; where it has a symbolic value,
             each call has code of its own.
     """
-    symbols, whole = _symbols(record), (record, constants)
+    symbols = _symbols(record)
+    whole = (record, constants)
     functions = symbols[0].graph.functions if symbols else None
     if functions is None or _symbols(constants):
         return function(record)
@@ -294,7 +293,9 @@ def operations(nodes: Iterable[Node], *, written: bool = False) -> int:
         written: count what is compiled: code once, however often it is called or
             repeated.
     """
-    quiet, sizes, count = ("input", "const", "item", "result"), dict[int, int](), 0
+    quiet = ("input", "const", "item", "result")
+    sizes = dict[int, int]()
+    count = 0
 
     def of(block: Node) -> int:
         """Number of operations of a call beyond the one that it is."""

@@ -306,7 +306,8 @@ def trace_loop(
         ValueError: the step returns a carry of another structure; where one has an int,
             a constant, so has the other.
     """
-    graph, examples = Graph(loops=loops), (carry, parameters, row)
+    graph = Graph(loops=loops)
+    examples = (carry, parameters, row)
     groups = [
         [graph.input(f"{name}{i}") for i, _ in enumerate(leaves(record))]
         for name, record in zip("cpr", examples, strict=True)

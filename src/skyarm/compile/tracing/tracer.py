@@ -95,6 +95,21 @@ def pause_collection() -> Iterator[None]:
                 gc.enable()
 
 
+def _comparison(op: str, *, turned: bool = False) -> Callable[[Node, Scalar], Any]:
+    """Make a comparison operator, which adds a condition to the traced program.
+
+    ``turned``: a > b is b < a.
+    """
+
+    def method(self: Node, other: Scalar) -> Any:
+        if type(other) is Taylor:
+            return NotImplemented
+        pair = (other, self) if turned else (self, other)
+        return self.graph.call(op, *pair)
+
+    return method
+
+
 class Node:
     """Symbolic value of a traced program: an operation with its operands.
 
@@ -110,13 +125,11 @@ class Node:
     def __init__(
         self, graph: Graph, index: int, op: str, args: tuple[Node, ...], value: Any
     ) -> None:
-        self.graph, self.index, self.op, self.args, self.value = (
-            graph,
-            index,
-            op,
-            args,
-            value,
-        )
+        self.graph = graph
+        self.index = index
+        self.op = op
+        self.args = args
+        self.value = value
 
     def __add__(self, other: Scalar) -> Scalar:
         """Add an addition to the traced program."""
@@ -164,37 +177,8 @@ class Node:
         """Add an absolute value to the traced program."""
         return self.graph.call("abs", self)
 
-    def __lt__(self, other: Scalar) -> Scalar:
-        """Add the condition self < other to the traced program."""
-        return (
-            NotImplemented
-            if type(other) is Taylor
-            else self.graph.call("lt", self, other)
-        )
-
-    def __le__(self, other: Scalar) -> Scalar:
-        """Add the condition self <= other to the traced program."""
-        return (
-            NotImplemented
-            if type(other) is Taylor
-            else self.graph.call("le", self, other)
-        )
-
-    def __gt__(self, other: Scalar) -> Scalar:
-        """Add the condition self > other to the traced program."""
-        return (
-            NotImplemented
-            if type(other) is Taylor
-            else self.graph.call("lt", other, self)
-        )
-
-    def __ge__(self, other: Scalar) -> Scalar:
-        """Add the condition self >= other to the traced program."""
-        return (
-            NotImplemented
-            if type(other) is Taylor
-            else self.graph.call("le", other, self)
-        )
+    __lt__, __le__ = _comparison("lt"), _comparison("le")
+    __gt__, __ge__ = _comparison("lt", turned=True), _comparison("le", turned=True)
 
     def __eq__(self, other: object) -> bool:
         """Refuse equality: it would compare symbolic values, not numbers."""

@@ -91,8 +91,11 @@ def command_for(
 
     Without the inversion noise through two time constants rectifies into thrust.
     """
+    # a motor goes no further than its limit, so the change to lead is the one up to
+    # there
     target = minimum(desired, rotor.max_speed)
     change = target - speed
+    # of both directions, because speeds rise and fall at rates of their own
     rise, fall = (
         divide(1.0, 1.0 - exp(divide(-dt, tau))) - 1.0
         for tau in (rotor.time_constant_up, rotor.time_constant_down)
@@ -128,6 +131,7 @@ def compensate_motor_lag(
         share: share of the lag that commands invert, as in :func:`command_for`.
     """
     ahead = []
+    # ints, so that the program has no products with them
     sides = mixer.across or ((0, 0),) * len(rotors)
     for rotor, thrust, across, square in zip(
         rotors, mixer.inverse, sides, squares, strict=True

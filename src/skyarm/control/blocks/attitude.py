@@ -126,6 +126,8 @@ def reachable(force: Vec3, tilt: Scalar, floor: Scalar) -> Vec3:
     z = choose(force.z > floor, force.z, floor)
     side = force.x * force.x + force.y * force.y
     steep = side > z * z * (tilt * tilt)
+    # the root of a horizontal force of zero has no derivatives, so it is taken of 1
+    # there
     length = choose(steep, side, 1.0)
     share = choose(steep, z * tilt / sqrt(length), 1.0)
     return Vec3(force.x * share, force.y * share, z)

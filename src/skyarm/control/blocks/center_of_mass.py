@@ -65,6 +65,7 @@ def axes(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
     """Unit vectors along the joint axes, in base axes."""
     return [
         pose.R.apply(joint.axis)
+        # poses of followers come behind those of the joints
         for joint, pose in zip(vehicle.joints, poses, strict=False)
     ]
 
@@ -76,6 +77,8 @@ def com_columns(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
     if vehicle.followers:
         own = com_columns(vehicle.with_free_followers, poses)
         for each, column in zip(vehicle.followers, own[vehicle.n :], strict=True):
+            # the leader moves its follower too: chain rule with the ratio of their
+            # rates
             own[each.leader] = own[each.leader] + column * each.ratio
         return own[: vehicle.n]
     masses = [link.body.mass for link in vehicle.links]
@@ -83,13 +86,12 @@ def com_columns(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
         pose.apply(link.body.com) * link.body.mass
         for link, pose in zip(vehicle.links, poses, strict=True)
     ]
+    # outer links first, since each hands all that it carries to its parent
     for i in reversed(range(vehicle.n)):
         parent = vehicle.links[i].parent
         if parent != BASE:
-            masses[parent], moments[parent] = (
-                add(masses[parent], masses[i]),
-                moments[parent] + moments[i],
-            )
+            masses[parent] = add(masses[parent], masses[i])
+            moments[parent] = moments[parent] + moments[i]
     columns = []
     for i, axis in enumerate(axes(vehicle, poses)):
         if vehicle.links[i].joint.turns:
@@ -194,9 +196,11 @@ def reaction(vehicle: Vehicle, joints: Sequence[Scalar]) -> Reaction:
     """
     if not joints:
         return Reaction([], [[], [], []])
+    # the reduced blocks do not depend on the attitude, so any one serves
     M = dynamics.mass_matrix(vehicle, Mat3.identity(), joints)
     share, n = divide(1.0, vehicle.mass), len(joints)
 
+    # the translation's block is m 1, so that eliminating it takes products and no solve
     def reduced_entry(row: int, column: int) -> Scalar:
         total = M[row][column]
         for k in range(3):

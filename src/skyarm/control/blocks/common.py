@@ -90,6 +90,7 @@ def standing_command(model: Model) -> Command:
     vehicle = model.vehicle
     trim = hover_trim(vehicle, vehicle.zeros, model.gravity)
     speeds = tuple(
+        # a vehicle that is too heavy to hover begins with its rotors at their limits
         minimum(w, rotor.max_speed)
         for w, rotor in zip(trim.speeds, vehicle.rotors, strict=True)
     )
@@ -105,14 +106,13 @@ def coupled_forces(
     """Inverse dynamics of base and arm at the measured state: force on the base and
     joint torques.
     """
-    vehicle, joints, rate, rates = (
+    return dynamics.inverse_dynamics(
         par.model.vehicle,
         measurement.joints,
         measurement.rate,
         measurement.joint_rates,
-    )
-    return dynamics.inverse_dynamics(
-        vehicle, joints, rate, rates, base, joint_accelerations
+        base,
+        joint_accelerations,
     )
 
 

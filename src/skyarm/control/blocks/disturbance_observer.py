@@ -58,8 +58,8 @@ Huber 1981 (bounded influence of a reading; 4.8, one that falls again); Astrom, 
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, Any
 
 from skyarm import dynamics
@@ -191,7 +191,7 @@ SMALL = 1e-9
 
 
 @immutable
-class Felt:
+class TranslationEstimate:
     """Estimates of an observer after one period: base velocity, accelerometer bias,
     increment of the unknown force.
 
@@ -239,7 +239,7 @@ def modelled_specific_force(model: Model, R: Mat3, linear: Vec3, rotors: Vec3) -
 
 def measure_translation(
     gains: AccelerometerGains,
-    seen: Felt,
+    seen: TranslationEstimate,
     measurement: Measurement,
     R: Mat3,
     linear: Vec3,
@@ -247,7 +247,7 @@ def measure_translation(
     free: Sequence[Scalar],
     fresh: Fresh,
     dt: Scalar,
-) -> Felt:
+) -> TranslationEstimate:
     """Accelerometer-based estimate of the base's velocity and of the change of the
     external force in one period.
 
@@ -271,6 +271,7 @@ def measure_translation(
         dt: s.
     """
     felt = measurement.specific_force
+    # three zeros stand for no accelerometer: in free fall a real one has noise
     there: Scalar = where(felt.dot(felt) > 0.0, 1.0, 0.0)
     new = there * fresh.specific_force
     beside = R.apply(felt - seen.bias - modelled)
@@ -289,7 +290,7 @@ def measure_translation(
         share = mul(share, each)
     bias = seen.bias - R.apply_T(e) * mul(new * trust, divide(slow, dt))
     taken = beside * minimum(1.0, divide(MOST, sqrt(beside.dot(beside) + SMALL)))
-    return Felt(
+    return TranslationEstimate(
         velocity=integrated * used + seen.velocity * (1.0 - used),
         bias=Vec3(*(data(clip(each, -LARGEST_BIAS, LARGEST_BIAS)) for each in bias)),
         change=taken * mul(share, low_pass_share(gains.force, dt))
@@ -345,7 +346,7 @@ def observe(
     started: Scalar,
     free: Sequence[Scalar],
     dt: Scalar,
-) -> tuple[Observed, Told]:
+) -> tuple[Observed, ObserverCorrections]:
     """Update of the disturbance observer by one measurement: next state, and
     corrections of the predicted motion.
 
@@ -365,6 +366,7 @@ def observe(
     fresh, readings = memory.readings.fresh(ReadingSums.of(measurement), dt)
     place = filter_pose(gains.pose, memory, measurement, fresh, started, dt)
     half, speeds, squares = acted.amid, acted.speeds, acted.squares
+    # the sum of the quaternions before and after is along the attitude half-way
     R = memory.quaternion.plus(place.quaternion, 1).normalized().rotation()
     # the first measurement may be turns away from the memory
     pairs = zip(memory.joints, place.joints, strict=True)
@@ -389,10 +391,8 @@ def observe(
     # is slight
     longer = maximum(1.0, dt * (1.0 / USUAL))
     per = divide(1.0, longer * longer)
-    jump, twist = (
-        ev.dot(ev) * divide(per, gains.jump * gains.jump),
-        ew.dot(ew) * (per * (1.0 / LEAP**2)),
-    )
+    jump = ev.dot(ev) * divide(per, gains.jump * gains.jump)
+    twist = ew.dot(ew) * (per * (1.0 / LEAP**2))
     leap = maximum(jump, twist)
     slight = divide(
         1.0, maximum(maximum(jump * fresh.velocity, twist * fresh.rate), 1.0)
@@ -401,15 +401,15 @@ def observe(
     blow = known - slight
     shares = [double_pole(bandwidth, dt) for bandwidth in (gains.force, gains.torque)]
     shares += [
-        joint_gains(link.joint, gains, memory.readings.missed, dt)
-        for link in model.vehicle.links
+        joint_gains(joint, gains, memory.readings.missed, dt)
+        for joint in model.vehicle.joints
     ]
     slow = [L2 * slight / dt for _, L2 in shares]
     # a slide is at its limit before the second period
     believed = [
         blow,
         blow,
-        *(blow if link.joint.turns else 1.0 - slight for link in model.vehicle.links),
+        *(blow if joint.turns else 1.0 - slight for joint in model.vehicle.joints),
     ]
     fast = [
         share + L1 * (1.0 - share)
@@ -419,7 +419,7 @@ def observe(
     bending = [mul(e, L2) for e, L2 in zip(er, slow[2:], strict=True)]
     yielding = [maximum(each, YIELDING) for each in free[1:]]
     ev = ev * (fresh.velocity * known)
-    base = Felt(
+    base = TranslationEstimate(
         velocity=v + ev * fast[0],
         bias=memory.bias,
         change=ev * slow[0],
@@ -434,10 +434,10 @@ def observe(
         base = measure_translation(
             gains.accelerometer, base, measurement, R, linear, modelled, free, fresh, dt
         )
-        pace, rest = (
-            base.heard * (low_pass_share(gains.accelerometer.force, dt) * slight / dt),
-            1.0 - base.heard,
+        pace = base.heard * (
+            low_pass_share(gains.accelerometer.force, dt) * slight / dt
         )
+        rest = 1.0 - base.heard
         quick = [
             (e - last) * pace + b * rest
             for e, last, b in zip(er, residuals, bending, strict=True)
@@ -473,7 +473,7 @@ def observe(
         agreed=base.agreed,
         integrated=base.integrated,
     )
-    begun = dataclasses.replace(
+    begun = replace(
         memory,
         position=place.position,
         quaternion=place.quaternion,
@@ -484,7 +484,7 @@ def observe(
         readings=readings,
         integrated=vector_data(measurement.velocity) if memory.integrated else (),
     )
-    return blend(started > 0.5, learned, begun), Told(
+    return blend(started > 0.5, learned, begun), ObserverCorrections(
         amid=amid,
         innovation=ev,
         known=known,
@@ -522,7 +522,7 @@ def observe_uncompensated(
     disturbance in its prediction.
     """
     speeds = choose_each(started > 0.5, memory.rotor_speeds, measurement.rotor_speeds)
-    before = dataclasses.replace(memory, rotor_speeds=speeds)
+    before = replace(memory, rotor_speeds=speeds)
     done = actuation(model, before.rotor_speeds, acted, dt)
     return observe(
         model, gains, before, measurement, done, disturbance(before), started, free, dt
@@ -590,7 +590,7 @@ class Amid:
 
 
 @immutable
-class Told:
+class ObserverCorrections:
     """Corrections of the observer's prediction by one measurement, and the vehicle
     state half a period earlier.
 
@@ -633,13 +633,11 @@ def filter_pose(
     """Low-pass filtered base pose and joint positions, predicted from the estimated
     velocities and then corrected.
     """
-    share, flags = (
-        low_pass_share(bandwidth, dt),
-        (
-            fresh.position,
-            fresh.quaternion,
-            fresh.joints,
-        ),
+    share = low_pass_share(bandwidth, dt)
+    flags = (
+        fresh.position,
+        fresh.quaternion,
+        fresh.joints,
     )
     moved, turned, bent = (where(started > 0.5, share * flag, 1.0) for flag in flags)
     position = memory.position + memory.velocity * dt
@@ -679,6 +677,8 @@ def inertia_times(
     and joint torques.
     """
     still = (0,) * len(joints)
+    # inverse dynamics at rest and without weight is M times the acceleration, and does
+    # not form M
     base = Motion(angular_B, R.apply_T(linear_W))
     force, torques = dynamics.inverse_dynamics(
         model.vehicle, joints, ZERO3, still, base, joint
@@ -771,7 +771,7 @@ class Observed:
         feed-forward compensates from now on.
         """
         less = disturbance(self) - known
-        return dataclasses.replace(
+        return replace(
             self,
             force=vector_data(less.force),
             torque=vector_data(less.torque),
@@ -839,6 +839,7 @@ class ObserverGains:
     ] = JUMP
 
 
+# its share 1 - exp(-w dt) rounds to 1 for periods of 0.04 ms and more
 UNFILTERED = 1e6
 """Bandwidth (rad/s) of a pose filter that passes the measured pose unchanged."""
 

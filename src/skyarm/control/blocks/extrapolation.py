@@ -63,6 +63,7 @@ def extrapolate(
         ahead: samples of one and two periods later; empty without a preview.
         late: s, from the present to the instant of the signals.
     """
+    # a sample that is repeated is equal to the bit, so that any difference is a new one
     changed = total(
         absolute(data(value) - old)
         for channel, sample in zip(channels, held, strict=True)
@@ -71,7 +72,9 @@ def extrapolate(
         )
     )
     new = logical_or(started < 0.5, changed > 0.0)
+    # an age is a sum of periods, which rounds
     due = age + dt > period * (1.0 - 1e-6)
+    # a sample that does not come is not continued beyond the time of the next one
     age = where(new, 0.0, minimum(age + dt, period))
     if ahead:
         rows = zip(held, ahead[0], ahead[1], strict=True)
@@ -137,6 +140,7 @@ def _is_jump(
     """
     (v0, a0), (v1, a1) = before, after
     missed = absolute(v1 - v0 - (0.5 * period) * (a1 + a0))
+    # rates that differ by rounding alone are no jump either, hence 1e-9 below
     size = absolute(a1) + absolute(a0)
     return missed > (JUMP * period) * absolute(a1 - a0) + (ROUGH * period) * size + 1e-9
 
@@ -151,6 +155,7 @@ def _interpolate(
     whose slope at 2 T is 12 k T^3. Values of the samples do not enter the derivatives,
     which single precision would spoil.
     """
+    # zeros known before compilation: a signal that never moves needs no program
     if all(same(c, 0) for sample in (held, following, later) for c in sample[1:]):
         return Taylor.constant(held[0], 4)
     p, v, a = map(data, held)

@@ -117,6 +117,8 @@ def interact(
     touching, losing = touches(
         gains, memory, asked, where(asked, along, _size(measured)), ahead, dt
     )
+    # a ramp begins with an impact, in which any tip goes in: a full force shows what
+    # yields
     yields = where(
         memory.share < 1.0,
         0.0,
@@ -126,7 +128,8 @@ def interact(
         (load - gains.relief_start) / (gains.relief_end - gains.relief_start), 0.0, 1.0
     )
     if wanted.grips:
-        touching, losing = maximum(touching, wanted.grip), losing * (1.0 - wanted.grip)
+        touching = maximum(touching, wanted.grip)
+        losing = losing * (1.0 - wanted.grip)
         yields = yields * (1.0 - wanted.grip)
     pressed = where(asked, touching, 0.0)
     share = ramp_share(gains, memory.share, pressed, touching, dt)
@@ -142,11 +145,13 @@ def interact(
         dt,
         wanted.grips,
     )
+    # released, the order falls in proportion to the ramp: as slowly as it rose
     left = memory.order * divide(share, maximum(memory.share, 1e-9))
     order = where(asked, share * (wanted.force + integral), left)
     normal_force = n.dot(force)
     most = gains.standing + (gains.cone - gains.standing) * moving
     cone = most * maximum(maximum(order, normal_force), 0.0)
+    # the cone cuts the size and keeps the direction, as friction acts against the slip
     within = minimum(divide(cone, _size(force - n * normal_force)), 1.0)
     compensated = (1.0 - gains.relief * relieved) * within
     if wanted.grips:
@@ -208,23 +213,21 @@ def touches(
     the tip's force, N.
     """
     was = memory.touching > 0.5
-    weak, through = (
-        where(force < gains.lost, dt / gains.loss_time, 0.0),
-        where(
-            logical_and(into > gains.escape, memory.found > PRESSED),
-            dt / gains.escape_time,
-            0.0,
-        ),
+    weak = where(force < gains.lost, dt / gains.loss_time, 0.0)
+    through = where(
+        logical_and(into > gains.escape, memory.found > PRESSED),
+        dt / gains.escape_time,
+        0.0,
     )
     step = maximum(weak, through)
     losing = where(logical_and(was, step > 0.0), memory.losing + step, 0.0)
-    # a sum of periods is not exactly their number times one the force at a tip that
-    # still goes in, soon after a loss, is a remainder in the observer or a sensor's
-    # filter
+    # the force at a tip that still goes in, soon after a loss, is a remainder in the
+    # observer or a sensor's filter
     begins = logical_and(
         force > gains.touch,
         logical_or(into < gains.escape, memory.free > gains.rebound),
     )
+    # a sum of periods is not exactly their number times one
     touching = where(
         was,
         where(losing > 1.0 - 1e-9, 0.0, 1.0),
@@ -268,9 +271,13 @@ def integrate_force_error(
         + gains.integral_least
     )
     step = where(share < 1.0, 0.0, gains.integral * dt) * (wanted - along)
+    # at a limit the order may still shrink: only its growth would wind up
     step = where(step * (wanted + integral) > 0.0, step * (1.0 - relieved), step)
     return where(
-        touching > 0.5, clip(integral + step, -maximum(most, wanted), most), 0.0
+        # down to no order at all, as for what gives way; upwards only by the bound
+        touching > 0.5,
+        clip(integral + step, -maximum(most, wanted), most),
+        0.0,
     )
 
 
@@ -288,8 +295,10 @@ def normal_shift(
     approach, follow or leave a surface.
     """
     s, rate, w = memory.shift, memory.shift_rate, gains.follow
+    # a surface that was met is near, and is not to be struck on the way back
     speed = where(memory.found > 0.0, minimum(speed, gains.again), speed)
     coming = where(s > memory.reached - gains.furthest, -speed, 0.0)
+    # critically damped, so that neither return nor following swings past its goal
     back = -(w * w) * s - 2.0 * w * rate
     follow = (w * w) * memory.gap - 2.0 * w * (
         rate + maximum(yields - (1.0 - YIELDING) * speed, 0.0)
@@ -316,6 +325,8 @@ def update_bias(
     learns = logical_and(logical_not(asked), free > gains.rest)
     share = where(learns, low_pass_share(gains.bias_rate, dt), 0.0)
     wind = where(learns, share, where(asked, low_pass_share(gains.wind_rate, dt), 0.0))
+    # in contact the tip's force is in the disturbance: the rest of it on the base is
+    # wind
     unexplained = replace(d, force=d.force - force * where(learns, 0.0, 1.0))
     return bias.blend_towards(unexplained, share, wind)
 
@@ -386,6 +397,17 @@ class Pressing:
 SENSING = 60.0
 """Bandwidth (rad/s) of the force sensor's filter, above that of the observers and below
 that of the contact."""
+
+
+SensorBandwidth = Annotated[
+    Scalar,
+    Unit(
+        "rad/s",
+        "bandwidth of the filter of the force sensor",
+        effect="lower values pass less sensor noise and add lag",
+    ),
+]
+"""Bandwidth of a force sensor's filter, as constants of several parts declare it."""
 
 
 @immutable
@@ -599,17 +621,7 @@ class InteractionGains:
             bound=True,
         ),
     ] = 0.1
-    sensing: (
-        Annotated[
-            Scalar,
-            Unit(
-                "rad/s",
-                "bandwidth of the filter of the force sensor",
-                effect="lower values pass less sensor noise and add lag",
-            ),
-        ]
-        | None
-    ) = None
+    sensing: SensorBandwidth | None = None
     furthest: Annotated[
         Scalar, Unit("m", "longest search distance of the base beyond its last contact")
     ] = 0.5
@@ -774,6 +786,8 @@ def first_interaction(joints: int, sensor: bool = False) -> InteractionMemory:
 def wanted_of(push: Sequence[Scalar]) -> DesiredContact:
     """Desired contact from the values in a reference's field ``push``."""
     force, speed, *normal = push[:5]
+    # a reference is as long as what it may request: force, speed and normal, then the
+    # grip, then the axis of an arc; an int keeps the grip out of the program
     grip = where(push[5] > 0.5, 1.0, 0.0) if len(push) > 5 else 0
     pivot, axis = (Vec3(*push[6:9]), Vec3(*push[9:])) if len(push) > 6 else (None, None)
     return DesiredContact(

@@ -87,7 +87,8 @@ def attitude_error(R_WB: Mat3, R_d: Mat3, near: float = HALF_TURN) -> Vec3:
     bit.
     """
     Q = R_d.T @ R_WB
-    sine, trace = Q.vee_antisymmetric(), Q.r0.x + Q.r1.y + Q.r2.z
+    sine = Q.vee_antisymmetric()
+    trace = Q.r0.x + Q.r1.y + Q.r2.z
     cosine, short = 0.5 * (trace - 1.0), trace + 1.0
     close = short < near * near
     # the axis along the longest column of Q + Q^T - 2 c = 2 (1 - c) n n^T, of which e_R
@@ -129,6 +130,7 @@ def angular_acceleration(
     RotorS adds w x w, which is zero; the gyroscopic torque is left to the inverse
     dynamics.
     """
+    # products of inertia couple the axes, so the torque is divided by the whole matrix
     torque = -(gains.attitude.hadamard(e_R) + gains.rate.hadamard(e_w))
     return Vec3(*ldl_solve([list(row) for row in inertia.full().rows], list(torque)))
 

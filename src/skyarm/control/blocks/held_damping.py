@@ -71,6 +71,8 @@ def joint_mobilities(vehicle: Vehicle, period: float) -> Scalars:
     if not any(map(_rubs, joints)):
         return (0,) * vehicle.n
     M = mass_matrix_at_rest(vehicle)
+    # the diagonal of the inverse: outer and inner joints give way, so a joint is as
+    # light as it gets
     units = ([float(row == 6 + i) for row in range(len(M))] for i in range(vehicle.n))
     mobilities = [ldl_solve(M, unit)[6 + i] for i, unit in enumerate(units)]
     return tuple(
@@ -106,6 +108,7 @@ def doubted_dampings(vehicle: Vehicle, mobilities: Scalars, period: float) -> Sc
     parts: list[Scalar] = []
     for joint, mobility in zip(vehicle.joints, mobilities, strict=True):
         damping, decay = joint.damping, joint.damping * mobility * period
+        # a joint without quick friction has mobility 0, and is not doubted below
         beyond = damping - divide(QUICK, maximum(mobility * period, 1e-30))
         doubtful = logical_and(decay > QUICK, decay < SURE)
         parts.append(data(where(doubtful, beyond, 0.0)))

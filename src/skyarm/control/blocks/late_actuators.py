@@ -77,11 +77,9 @@ class Past:
         """Means of squared rotor speeds and joint efforts over the last ``age``
         periods, and present rotor speeds.
         """
-        inverse, shares, now = (
-            divide(1.0, maximum(age, SHORTEST)),
-            self._since(age)[:-1],
-            self.speeds[-1],
-        )
+        inverse = divide(1.0, maximum(age, SHORTEST))
+        shares = self._since(age)[:-1]
+        now = self.speeds[-1]
         squares, efforts = (
             tuple(mul(each, inverse) for each in _sums(rows[1:], shares))
             for rows in (self.squares, self.efforts)

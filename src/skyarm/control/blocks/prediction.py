@@ -142,14 +142,23 @@ def omitted_thrust(model: Model, speeds: Sequence[Scalar], sideways: bool) -> Fo
     """Force and torque by which the rotors' thrust differs from the mixer's model; zero
     for plain upright rotors.
     """
-    total, rotors = Force(ZERO3, ZERO3), model.vehicle.rotors
     if all(
-        rotor.table is None and rotor.axis.coordinate_axis() == 2 for rotor in rotors
+        rotor.table is None and rotor.axis.coordinate_axis() == 2
+        for rotor in model.vehicle.rotors
     ):
-        return total
-    for rotor, speed in zip(rotors, speeds, strict=True):
+        return Force(ZERO3, ZERO3)
+    squares = [speed * speed for speed in speeds]
+    return calm_wrench(model.vehicle, speeds) - rotor_wrench(model, squares, sideways)
+
+
+def calm_wrench(vehicle: Vehicle, speeds: Sequence[Scalar]) -> Force:
+    """Torque and force of rotors that do not move through the air, at the base origin,
+    base axes.
+    """
+    total = Force(ZERO3, ZERO3)
+    for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
         total = total + rotor_force(rotor, speed, ZERO3)
-    return total - rotor_wrench(model, [speed * speed for speed in speeds], sideways)
+    return total
 
 
 def hub_drag(vehicle: Vehicle, speeds: Sequence[Scalar]) -> Scalar:
@@ -289,6 +298,8 @@ def actuation(
     """Modelled rotor speeds and joint efforts over one period of a constant command;
     mean squares by Simpson's rule.
     """
+    # the speeds amid the period are needed for drag anyway, so Simpson's rule is at
+    # hand
     half = motor_speeds(model, speeds, command, 0.5 * dt)
     after = motor_speeds(model, speeds, command, dt)
     squares = [
@@ -310,6 +321,7 @@ def predict_across(
     value.
     """
     drift = 0.5 * h
+    # forces are taken amid the step: of second order at the cost of one evaluation
     R = (x.quaternion * Quaternion.of_small_rotation(x.rate * drift)).rotation()
     joints = tuple(q + v * drift for q, v in zip(x.joints, x.joint_rates, strict=True))
     applied = rotor_wrench(model, done.squares, sideways)
@@ -332,6 +344,8 @@ def _integrate(
     turned = x.quaternion * Quaternion.of_small_rotation((x.rate + rate) * (0.5 * h))
     return State(
         position=x.position + (x.velocity + velocity) * (0.5 * h),
+        # a small rotation leaves the length within its square of 1, which one Newton
+        # step mends without a root
         quaternion=turned.renormalized(),
         velocity=velocity,
         rate=rate,

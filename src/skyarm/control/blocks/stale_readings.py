@@ -17,8 +17,8 @@ arrives).
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated
 
 from skyarm.algebra import Scalar
@@ -127,11 +127,12 @@ class ReadingSums:
         believed = where(age > LONGEST, 1.0, 0.0)
         fresh = Fresh(**{name: maximum(flag, believed) for name, flag in flags.items()})
         missed = where(fresh.joint_rates > 0.5, 0.0, self.missed + 1.0)
-        return fresh, dataclasses.replace(now, stale=data(age), missed=data(missed))
+        return fresh, replace(now, stale=data(age), missed=data(missed))
 
 
 def _sum(numbers: Sequence[Scalar]) -> Scalar:
     return data(
+        # an int 1 costs no product in a program
         total(mul(GOLDEN**i if i else 1, each) for i, each in enumerate(numbers))
     )
 

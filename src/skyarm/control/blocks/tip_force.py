@@ -4,7 +4,8 @@ A force f at the tip (base axes) appears in the observed disturbance as J^T f at
 joints, r x f in the base's torque and f in its force, in addition to the bias b of
 wind, wrong masses and friction: f is the weighted least squares
 
-    |J^T f - (d_q - b_q)|^2 / l_q^2 + |r x f - (d_w - b_w)|^2 / l_w^2 + |f - (d_F - b_F)|^2
+    |J^T f - (d_q - b_q)|^2 / l_q^2 + |r x f - (d_w - b_w)|^2 / l_w^2
+        + |f - (d_F - b_F)|^2
 
 with lengths l that say by which torque a force is wrong by as much as one of the base
 of 1 N. Joints weigh most, since little else pushes there; the base gives the direction
@@ -24,6 +25,7 @@ from skyarm.records.immutable import immutable, positional
 from skyarm.records.units import Unit
 from skyarm.vehicle import Link, Vehicle
 
+# ints are known before compilation, so that products with them vanish
 AXES = (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
 
 Term = TypeVar("Term", Scalar, Vec3)
@@ -128,6 +130,7 @@ def _of_disturbance(
     disturbance.
     """
     squares = LeastSquares(3)
+    # the base's force is the unit of all weights
     squares.prefer(at.R.apply_T(rest.force), 1)
     for link, column, effort in zip(
         at.vehicle.links, at.columns, rest.efforts, strict=True

@@ -23,8 +23,8 @@ Source: Gauss-Markov estimate with a prior; Kay 1993, theorem 10.3.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated
 
 from skyarm.algebra import Scalar, Scalars, Vec3
@@ -119,7 +119,7 @@ class TorqueScale:
         rows = zip(
             d.efforts, self.factors(by, errors, at), self.products, efforts, strict=True
         )
-        return dataclasses.replace(
+        return replace(
             d,
             efforts=tuple(
                 sub(seen, mul(mul(factor, B), effort))
@@ -163,6 +163,7 @@ class TorqueScale:
         weight = mul(by.masses, self.unlearned)
         for A, factor, effort, share in rows:
             left = add(
+                # 1 - K is at least 0, but for rounding
                 mul(by.torques * by.torques, maximum(1.0 - mul(factor, A), 0.0)),
                 mul(weight, weight),
             )

@@ -1,11 +1,14 @@
 """Ablation ladder: computed torque of Barakou et al. 2026, extended in steps towards
 the centroidal law.
 
-    a* = pdd_d + g e_z - (Kp e_p + Kv e_v) / m                         as (82), upwards
-    f  = m a* [+ R F_arm(q, qd, qdd*)] [- d_f]                          thrust direction; thrust = f . R e_z
-    alpha* = -I_b^-1 (KR e_R + Kw e_w) [+ R^T R_d wd_d - w x R^T R_d w_d]  as (85); w_d, wd_d from f, f', f''
-    a  = a*  or  [(f_real - F_0) / m]                                  the base's acceleration in the inverse dynamics
+    a* = pdd_d + g e_z - (Kp e_p + Kv e_v) / m                   (82), upwards
+    f  = m a* [+ R F_arm(q, qd, qdd*)] [- d_f]                   thrust = f . R e_z
+    alpha* = -I_b^-1 (KR e_R + Kw e_w) [+ R^T R_d wd_d - w x R^T R_d w_d]    (85)
+    a  = a*  or  [(f_real - F_0) / m]
     [T, tau] = M [a; alpha*; qdd*] + products  [- d]
+
+f is the direction of the thrust, and w_d and wd_d follow from f, f' and f''; a is the
+base's acceleration in the inverse dynamics.
 
 Terms in brackets are the steps. The base's angular acceleration stays out of the thrust
 direction: with it the attitude would chase its own control torque.
@@ -18,7 +21,16 @@ from __future__ import annotations
 from typing import Annotated
 
 from skyarm import dynamics
-from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Scalar, Scalars, Vec3
+from skyarm.algebra import (
+    E_Z,
+    ZERO3,
+    Mat3,
+    Motion,
+    Scalar,
+    Scalars,
+    Vec3,
+    differences,
+)
 from skyarm.algebra.scalars import add, divide, minimum, where
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.actuators import (
@@ -160,6 +172,7 @@ def stepped_computed_torque(
     )
     speeds, squares = mix(par.mixer, torque, thrust)
     if steps >= LAG_INVERSION:
+        # the observer models the motors: its speeds have no noise to be led
         turning = observed.rotor_speeds if observed else measurement.rotor_speeds
         speeds = tuple(
             command_for(rotor, now, target, dt, minimum(par.lag_share, 1.0))
@@ -228,6 +241,7 @@ def _estimate_disturbance(
     """Next state of the disturbance observer and disturbance estimate; empty and zero
     without an observer.
     """
+    # int zeros: without an observer the program has no terms of it
     if not memory.observed:
         return (), Disturbance(
             force=ZERO3, torque=ZERO3, efforts=(0,) * par.model.vehicle.n
@@ -318,7 +332,10 @@ def _force_series(
     """Desired force with two time derivatives, from reference, tracking errors and
     present thrust.
     """
-    mass, b3 = par.model.vehicle.mass, R.column(2)
+    mass = par.model.vehicle.mass
+    b3 = R.column(2)
+    # the derivatives take the present thrust along body z, not the desired one: this is
+    # what accelerates the base
     per_mass = divide(1.0, mass)
     b3d = R.apply(measurement.rate.cross(E_Z))
     along = force.dot(b3)
@@ -359,11 +376,9 @@ def _forces(
     compensated.
     """
     vehicle, q = par.model.vehicle, measurement.joints
-    rate, rates, weight = (
-        measurement.rate,
-        measurement.joint_rates,
-        R.apply_T(unknown.force),
-    )
+    rate = measurement.rate
+    rates = measurement.joint_rates
+    weight = R.apply_T(unknown.force)
     if par.steps >= CONSISTENT:
         thrust = force.dot(R.column(2))
         needed, efforts, _ = forces_under_thrust(
@@ -379,7 +394,7 @@ def _forces(
         base = Motion(alpha, R.apply_T(specific))
         needed, efforts = dynamics.inverse_dynamics(vehicle, q, rate, rates, base, qdd)
         thrust = needed.force.z - weight.z
-    torques = [a - b for a, b in zip(efforts, unknown.efforts, strict=True)]
+    torques = [*differences(efforts, unknown.efforts)]
     if par.steps >= OBSERVER:
         # the observer's model has the friction, so that no disturbance stands for it
         given = zip(torques, vehicle.links, rates, goal.joint_rates, strict=True)

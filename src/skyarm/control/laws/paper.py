@@ -9,8 +9,8 @@ Source: Barakou et al. 2026.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 
 from skyarm import dynamics
 from skyarm.algebra import (
@@ -149,6 +149,7 @@ def generalized_force(
     vehicle, terms = par.model.vehicle, par.terms
     q = measurement.joints
     rate, rates = measurement.rate, measurement.joint_rates
+    # the body form has no matrix C to leave out: at zero rates its products vanish
     if not terms.coriolis:
         rate, rates = ZERO3, (0,) * vehicle.n
     weight = R.apply_T(E_Z * par.model.gravity)
@@ -156,6 +157,8 @@ def generalized_force(
         base = Motion(base.angular, base.linear - weight)
     force, torques = dynamics.inverse_dynamics(vehicle, q, rate, rates, base, qdd)
     if not terms.coupling:
+        # without the coupling blocks base and arm are solved apart, each as if the
+        # other stood still; the weight stays with both
         alone = Motion(ZERO3, weight if terms.full_gravity else ZERO3)
         force, _ = dynamics.inverse_dynamics(
             vehicle, q, rate, rates, base, (0,) * vehicle.n
@@ -206,6 +209,7 @@ def euler_margin(quaternion: Quaternion) -> Scalar:
     """Squared cosine of the pitch minus its least value: distance of an attitude to the
     singularity of Euler rates.
     """
+    # the Euler rates have the cosine of the pitch as a divisor
     cosine = cos(euler_angles(quaternion.rotation())[1])
     return cosine * cosine - SINGULAR
 
@@ -271,7 +275,7 @@ def with_weighted_rates(par: Parameters, reference: Reference) -> Reference:
         mul(weight, qd_d)
         for weight, qd_d in zip(par.rate_weights, reference.joint_rates, strict=True)
     )
-    return dataclasses.replace(reference, joint_rates=rates)
+    return replace(reference, joint_rates=rates)
 
 
 def _base_speeds(

@@ -149,6 +149,7 @@ def observe_contact(
     the reference requests one.
     """
     vehicle = par.model.vehicle
+    # the estimates are read and not compensated, so that nothing winds up at a limit
     free = (1.0,) * (1 + vehicle.n)
     observed = observe_uncompensated(
         par.model,
@@ -164,6 +165,7 @@ def observe_contact(
     if not reference.push:
         return after, None
     at = levers(vehicle, measurement.rotation, measurement.joints)
+    # neither law grips: force, speed and normal are all that they take
     desired = wanted_of(reference.push[:5])
     into = -desired.normal.dot(
         at.velocity(measurement.velocity, measurement.rate, measurement.joint_rates)
@@ -175,6 +177,7 @@ def observe_contact(
         disturbance(observed),
         at,
         into,
+        # no load of actuators: neither law compensates friction that could be relieved
         0.0,
         dt,
     )
@@ -309,13 +312,12 @@ def release_normal(touch: ObservedContact, wanted: Sequence[Scalar]) -> Scalars:
     """
     own = touch.at.R.apply_T(touch.pressing.n)
     row = [own.dot(column) for column in touch.at.columns]
+    # damps the pseudo-inverse where no joint has a lever along the normal
     length: Scalar = VAGUE * VAGUE
     along = touch.pressing.damping * -touch.into
     for each, acceleration in zip(row, wanted, strict=True):
-        length, along = (
-            add(length, mul(each, each)),
-            add(along, mul(each, acceleration)),
-        )
+        length = add(length, mul(each, each))
+        along = add(along, mul(each, acceleration))
     step = mul(touch.pressing.share, divide(along, length))
     return tuple(
         sub(acceleration, mul(each, step))
@@ -355,10 +357,8 @@ def admittance_pd(
     if touch is not None:
         shift = admittance_motion(par, memory, touch, dt)
         interaction = replace(after.interaction, shift=shift[0], shift_rate=shift[1])
-        after, reference = (
-            replace(after, interaction=interaction),
-            shift_base(reference, touch.pressing.n, shift),
-        )
+        after = replace(after, interaction=interaction)
+        reference = shift_base(reference, touch.pressing.n, shift)
     _, command = decoupled_pd((), measurement, reference, dt, par=par)
     if touch is not None:
         borne = touch.at.disturbance(
@@ -377,9 +377,11 @@ def admittance_motion(
     """
     s, rate = memory.interaction.shift, memory.interaction.shift_rate
     damping = divide(maximum(touch.force, LEAST), maximum(touch.speed, LEAST))
-    driven = divide(touch.along - touch.force, damping)  # m/s, at which it would settle
+    # m/s, at which it would settle
+    driven = divide(touch.along - touch.force, damping)
     # a hard surface pushes no faster back than the tip came
     driven = minimum(driven, touch.speed)
+    # implicit Euler, so that a virtual mass of any lag is stable at any period
     after = where(
         touch.pressing.asked, (rate + RATE * dt * driven) / (1.0 + RATE * dt), 0.0
     )
@@ -389,7 +391,8 @@ def admittance_motion(
     velocity = where(touch.pressing.asked, after, back)
     far = par.interaction.furthest
     place = clip(s + dt * velocity, -far, far)
-    velocity = divide(place - s, dt)  # none at the end of its way
+    # none at the end of its way
+    velocity = divide(place - s, dt)
     return place, velocity, divide(velocity - rate, dt)
 
 

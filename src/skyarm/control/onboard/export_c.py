@@ -12,10 +12,10 @@ as one step to a command.
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial, reduce
 from typing import Annotated, Any
 
@@ -167,17 +167,24 @@ def blank_readings(
     )
 
 
+def filtered_readings(readings: FilterReadings) -> dict[str, Any]:
+    """Readings of the sensors that the state estimator takes, by name."""
+    return {
+        name: each
+        for name, each in parts(readings).items()
+        # a law takes the force at the tip past the filter
+        if leaves(each) and name != "tip_force"
+    }
+
+
 def have_come(readings: FilterReadings) -> Scalar:
     """True if every reading that the filter needs has a time above 0, and an attitude a
     length of 1 within 1 %.
     """
-    taken = [
-        each
-        for name, each in parts(readings).items()
-        if leaves(each) and name != "tip_force"
-    ]
+    taken = filtered_readings(readings).values()
     conditions: list[Scalar] = [each.time > 0.0 for each in taken]
     conditions += [
+        # the square of a length that is 1 within 1 %
         absolute(sum((c * c for c in leaves(each.quaternion)), 0.0) - 1.0) < 0.02
         for each in taken
         if isinstance(each, PoseReading)
@@ -228,19 +235,16 @@ def estimated_law(
     ) -> tuple[EstimatedMemory, Command]:
         model = constants.parameters.model
         estimator = constants.estimator.believing(model.vehicle, model.gravity)
-        arrived = {
-            name: each
-            for name, each in parts(readings).items()
-            if leaves(each) and name != "tip_force"
-        }
+        arrived = filtered_readings(readings)
         queue = (*memory.underway, memory.sent)
+        # the filter's model must have what acts now, not what was just sent
         rotors, joints = (queue[-1 - age] for age in late)
-        acting = dataclasses.replace(rotors, efforts=joints.efforts)
+        acting = replace(rotors, efforts=joints.efforts)
         estimate, measurement = estimator.step(
             memory.estimate, arrived, acting, constants.period
         )
         if readings.tip_force:
-            measurement = dataclasses.replace(measurement, tip_force=readings.tip_force)
+            measurement = replace(measurement, tip_force=readings.tip_force)
         following, command = law(
             memory.law,
             measurement,
@@ -371,6 +375,7 @@ def export_c(
     )
     names = tuple(member.name for member in structs["parameters"].members)
     opening = _header(controller, file, period, operations, generator, estimator)
+    # behind the line that names the file, before what it holds
     opening[1:1] = notes
     text = file.text(opening)
     return ExportedC(name=name, text=text, operations=operations, parameters=names)
@@ -449,6 +454,7 @@ def _trace_step(
         following, command = law(
             memory, measurement, reference, constants.period, par=constants.parameters
         )
+        # a C struct has one layout, so a memory that grows cannot be written
         if len(leaves(following)) != len(leaves(memory)):
             raise ValueError(
                 f"law '{controller.name}': its memory must keep its structure to be"
@@ -521,13 +527,14 @@ def _member(path: Place) -> str:
     """Name of a C struct member from a field path, as link0_mass from (..., "links",
     "0", "body", "mass").
     """
-    words: list[str] = []
+    pieces: list[str] = []
     for part in path:
-        if part.isdigit() and words and words[-1] in SHORTER.values():
-            words[-1] += part
+        if part.isdigit() and pieces and pieces[-1] in SHORTER.values():
+            pieces[-1] += part
         else:
-            words.append(SHORTER.get(part, part))
-    text = "_".join(word for word in words if word)
+            pieces.append(SHORTER.get(part, part))
+    text = "_".join(filter(None, pieces))
+    # a C name must not begin with a digit, as a member of a tuple would
     return text if text[:1].isalpha() else f"value{text}"
 
 
@@ -553,6 +560,11 @@ def _header(
     clocked = any(
         member.name == "period" for member in file.structs["parameters"].members
     )
+    kept = [
+        part
+        for part in paragraphs
+        if part is paragraphs[0] or part.startswith("Source:")
+    ]
     return [
         f"{name}: controller '{controller.name}' for the vehicle '{vehicle.name}'.",
         *_filter_lines(estimator),
@@ -561,12 +573,7 @@ def _header(
             " do not edit."
         ),
         "",
-        *(
-            line
-            for part in paragraphs
-            if part is paragraphs[0] or part.startswith("Source:")
-            for line in part.split("\n")
-        ),
+        *"\n".join(kept).split("\n"),
         *([f"Not defined at: {controller.limit}"] if controller.limit else []),
         "",
         f"Vehicle: {vehicle.title or vehicle.name}",
@@ -591,7 +598,7 @@ def _header(
         ),
         *_preview_lines(controller),
         *_carry_lines(controller),
-        *([NAN] if estimator is None else NAN_BEHIND_FILTER),
+        *(NAN if estimator is None else NAN_BEHIND_FILTER).split("\n"),
         (
             f"{operations} operations in {file.floats.kind}; nothing is allocated,"
             " nothing is global but constants."
@@ -610,52 +617,35 @@ def _header(
     ]
 
 
-NAN = (
-    "A NaN that the law reads reaches the command: check the command before an actuator"
-    " gets it."
-)
+NAN = """\
+A NaN that the law reads reaches the command: check the command before an actuator \
+gets it."""
 
-NAN_BEHIND_FILTER = (
-    (
-        "The filter refuses an aiding reading that is NaN, and goes on without it: the"
-        " command stays finite. Watch memory:"
-    ),
-    (
-        "estimate_taken must grow, estimate_refused hardly, the diagonal of"
-        " estimate_covariance_... must stay small."
-    ),
-    (
-        "A NaN of another reading stays: check the command before an actuator gets it;"
-        " begin with the first memory again."
-    ),
-)
-"""Comment lines in the C file on NaN, of a law alone and of a law with its
-estimator."""
+NAN_BEHIND_FILTER = """\
+The filter refuses an aiding reading that is NaN, and goes on without it: the \
+command stays finite. Watch memory:
+estimate_taken must grow, estimate_refused hardly, the diagonal of \
+estimate_covariance_... must stay small.
+A NaN of another reading stays: check the command before an actuator gets it; \
+begin with the first memory again."""
+"""Comment in the C file on NaN, of a law alone and of a law with its estimator."""
 
 
 def _filter_lines(estimator: ErrorStateFilter | None) -> list[str]:
     """Comment lines in the C file on the readings that its estimator takes."""
     if estimator is None:
         return []
-    return [
-        (
-            "The law receives the estimate of an error-state filter:"
-            f" {estimator.aiding}, inertial unit."
-        ),
-        (
-            "Readings: one clock for all time stamps, s, above 0; a stamp is the"
-            " instant at which the sensor measured."
-        ),
-        (
-            "Where no new reading came, repeat the old one with its stamp. The filter"
-            " starts at the first call in which"
-        ),
-        (
-            "every stamp is above 0 and the quaternion of a pose has length 1; until"
-            " then the command is that of the first"
-        ),
-        "memory, a hover. So call first when every sensor has given a reading.",
-    ]
+    return f"""\
+The law receives the estimate of an error-state filter: \
+{estimator.aiding}, inertial unit.
+Readings: one clock for all time stamps, s, above 0; a stamp is the \
+instant at which the sensor measured.
+Where no new reading came, repeat the old one with its stamp. The filter \
+starts at the first call in which
+every stamp is above 0 and the quaternion of a pose has length 1; until \
+then the command is that of the first
+memory, a hover. So call first when every sensor has given a reading.\
+""".splitlines()
 
 
 def _carry_lines(controller: Controller) -> list[str]:
@@ -664,25 +654,17 @@ def _carry_lines(controller: Controller) -> list[str]:
     """
     if part_of(controller.par, "carrying") is None:
         return []
-    return [
-        (
-            "Reference, carry: 1 in a grasp, else 0; then, three numbers each in world"
-            " axes: known force (N) and moment"
-        ),
-        (
-            "(N m) on the tip, rates of the force (N/s) and moment (N m/s) that leave"
-            " the observer, shift of the tip (m),"
-        ),
-        (
-            "its rate, its acceleration; turn of the heading about the tip (rad), its"
-            " rate, its acceleration; at last the"
-        ),
-        (
-            "bandwidth at which the shift settles (rad/s), and the mass of the load"
-            " that the tip moves (kg)."
-        ),
-        "Memory, parts, carrying: estimated force (N) and moment (N m) on the tip.",
-    ]
+    return """\
+Reference, carry: 1 in a grasp, else 0; then, three numbers each in world \
+axes: known force (N) and moment
+(N m) on the tip, rates of the force (N/s) and moment (N m/s) that leave \
+the observer, shift of the tip (m),
+its rate, its acceleration; turn of the heading about the tip (rad), its \
+rate, its acceleration; at last the
+bandwidth at which the shift settles (rad/s), and the mass of the load \
+that the tip moves (kg).
+Memory, parts, carrying: estimated force (N) and moment (N m) on the tip.\
+""".splitlines()
 
 
 def _preview_lines(controller: Controller) -> list[str]:

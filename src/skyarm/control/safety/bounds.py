@@ -21,7 +21,6 @@ from skyarm import dynamics
 from skyarm.algebra import (
     ZERO3,
     ZERO3_DATA,
-    Force,
     Mat3,
     Scalar,
     Scalars,
@@ -45,6 +44,7 @@ from skyarm.algebra.scalars import (
     tan,
     where,
 )
+from skyarm.control.blocks.prediction import calm_wrench
 from skyarm.control.model import Model
 from skyarm.control.safety.limits import Limits
 from skyarm.dynamics.actuators import (
@@ -54,7 +54,6 @@ from skyarm.dynamics.actuators import (
     allocation_matrix,
     make_mixer,
     mix,
-    rotor_force,
 )
 from skyarm.dynamics.actuators.drive import friction
 from skyarm.reference import Reference
@@ -123,10 +122,8 @@ def govern_base(
     )
     if not (reference.center or reference.ahead):
         return governed
-    changes = [
-        differences(*rows)
-        for rows in zip(_base_motion(governed), _base_motion(reference), strict=True)
-    ]
+    pairs = zip(_base_motion(governed), _base_motion(reference), strict=True)
+    changes = [after - before for after, before in pairs]
     # numbers of a preview go signal by signal, those of a centre of mass derivative by
     # derivative
     others = (0,) * (3 * (1 + len(reference.joints)))
@@ -142,16 +139,15 @@ def govern_base(
     )
 
 
-def _base_motion(reference: Reference) -> list[Sequence[Scalar]]:
+def _base_motion(reference: Reference) -> tuple[Vec3, ...]:
     """Position of the base and its first four derivatives."""
-    motion = (
+    return (
         reference.position,
         reference.velocity,
         reference.acceleration,
         reference.jerk,
         reference.snap,
     )
-    return [tuple(each) for each in motion]
 
 
 def _limit_length(v: Vec3, longest: Scalar) -> Vec3:
@@ -212,6 +208,7 @@ def govern_joints(
         limits.joint_margin,
         strict=True,
     ):
+        # the barrier acts from one margin on: a reference at two is tracked without it
         low, high = add(joint.lower, 2.0 * margin), sub(joint.upper, 2.0 * margin)
         target = minimum(maximum(desired, low), high)
         step = mul(speed, dt)
@@ -268,11 +265,13 @@ def reachable(model: Model, mixer: Mixer, speeds: Sequence[Scalar]) -> Scalars:
     beyond: Scalar = False
     for speed, top in zip(speeds, mixer.highest, strict=True):
         beyond = logical_or(beyond, speed > sqrt(top))
-    sideways, squares = bool(mixer.across), [speed * speed for speed in speeds]
+    sideways = bool(mixer.across)
+    squares = [speed * speed for speed in speeds]
     pushes = [
         inner_product(row, squares)
         for row in allocation_matrix(model.vehicle, sideways)
     ]
+    # rows of the sideways force exist only where the mixer has them
     across = Vec3(pushes[4], pushes[5], 0) if sideways else ZERO3
     again, _ = mix(mixer, Vec3(*pushes[:3]), pushes[3], across)
     return tuple(
@@ -347,11 +346,8 @@ def _accelerations(
     """Joint accelerations of the model, friction included, at the measured rotor speeds
     in calm air.
     """
-    total, rates = Force(ZERO3, ZERO3), measurement.joint_rates
-    for rotor, speed in zip(
-        model.vehicle.rotors, measurement.rotor_speeds, strict=True
-    ):
-        total = total + rotor_force(rotor, speed, ZERO3)
+    rates = measurement.joint_rates
+    total = calm_wrench(model.vehicle, measurement.rotor_speeds)
     rows = zip(model.vehicle.joints, efforts, rates, strict=True)
     torques = tuple(sub(effort, friction(joint, qd, qd)) for joint, effort, qd in rows)
     return dynamics.forward_dynamics(
@@ -374,11 +370,10 @@ def _within_barrier(
         limits.joint_margin,
         strict=True,
     ):
-        damp, square = mul(2.0 * k, rate), k * k
-        above, below = (
-            sub(sub(joint.upper, margin), q),
-            sub(add(joint.lower, margin), q),
-        )
+        damp = mul(2.0 * k, rate)
+        square = k * k
+        above = sub(sub(joint.upper, margin), q)
+        below = sub(add(joint.lower, margin), q)
         top = minimum(sub(mul(square, above), damp), mul(4.0 * k, sub(speed, rate)))
         bottom = maximum(
             sub(mul(square, below), damp), mul(4.0 * k, sub(0.0 - speed, rate))

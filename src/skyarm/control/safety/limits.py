@@ -69,6 +69,8 @@ def law_stiffness(controller: Controller) -> tuple[float, float]:
     gains = []
     for position, velocity, usual in ((STEP, 0.0, USUAL[0]), (0.0, STEP, USUAL[1])):
         slope = (_thrust(controller, position, velocity) - still) / (mass * STEP)
+        # a law that hardly answers an error in hover, or answers later, shows no
+        # stiffness: references are then bounded as for a usual one
         gains.append(slope if 0.1 * usual < slope < math.inf else usual)
     return gains[0], gains[1]
 
@@ -98,12 +100,14 @@ def _thrust(controller: Controller, position: float, velocity: float) -> float:
         felt = Vec3(0.0, 0.0, thrust / float(vehicle.mass))
         seen = replace(resting, rotor_speeds=speeds, specific_force=felt)
         _, command = law(memory, seen, reference, PERIOD, par=controller.par)
-        before, speeds = (speeds, thrust), tuple(map(float, command.rotor_speeds))
+        before = (speeds, thrust)
+        speeds = tuple(map(float, command.rotor_speeds))
         thrust = sum(
             share * speed * speed for share, speed in zip(shares, speeds, strict=True)
         )
         if (speeds, thrust) == before:
-            break  # all further answers are the same
+            # all further answers are the same
+            break
     return thrust
 
 
@@ -435,8 +439,10 @@ def limits_for(controller: Controller, **given: Any) -> Limits:
             raise ControllerError(f"{said}, must be {vehicle.n} (one per joint)")
     limits = Limits(**values)
     for name, top in (
+        # the level force is bounded by tan(tilt), which has no value at 90 degrees
         ("tilt", STEEPEST),
         ("trusted_tilt", math.pi),
+        # faster downwards than it falls a vehicle would need thrust that pushes down
         ("climb", float(controller.par.model.gravity)),
     ):
         if getattr(limits, name) > top:
@@ -468,6 +474,8 @@ def _defaults(controller: Controller) -> dict[str, Any]:
         "joint_step": tuple(each.step for each in usual),
         "joint_slew": tuple(each.slew for each in usual),
         "joint_margin": tuple(
+            # references keep two margins at each end: at least 0.6 of a short range is
+            # left
             min(each.margin, 0.1 * width)
             for each, width in zip(usual, ranges, strict=True)
         ),

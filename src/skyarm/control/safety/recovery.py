@@ -211,6 +211,7 @@ def recover(
     """
     R = measurement.rotation
     vehicle = model.vehicle
+    # no accelerations are fed forward: the recovery holds a place, at rest
     a_d = downward_acceleration(
         recovery.gains,
         vehicle.mass,

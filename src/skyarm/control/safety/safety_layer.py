@@ -106,6 +106,7 @@ class SafetyParameters(LayerParameters):
         )
         par = self if stated == self.stated else replace(self, stated=stated)
         follows = par.measured_limits and any(place[0] == "inner" for place in changed)
+        # a law with symbols gives no numbers to measure
         if not follows or not concrete(*leaves(law.par)):
             return par
         found = dict(zip(MEASURED, law_stiffness(law), strict=True))
@@ -238,6 +239,8 @@ def arbitrate(
     return SafetyMemory(
         inner=memory.inner,
         started=memory.started * 0.0 + 1.0,
+        # a law that comes back goes on from where the joints are, not from where they
+        # were
         joints=choose_each(given_up, measurement.joints, governed.reference.joints),
         ramping=choose_each(given_up, (0.0,) * len(governed.joints), governed.ramping),
         arm=hovering.joints,
@@ -302,6 +305,7 @@ def limit_command(
     limits = par.limits
     efforts = within_efforts(limits, command.efforts)
     if efforts:
+        # the barrier adds efforts, which must not exceed the limits either
         efforts = within_efforts(
             limits, apply_joint_barrier(par.model, limits, measurement, efforts)
         )
@@ -373,6 +377,8 @@ def with_safety_layer(
         )
     check_controller(controller)
     if getattr(controller.par, "turns_rotors", False):
+        # rotor speeds are reallocated by a mixer of fixed rotors, so the layer goes
+        # inside the one for tilting rotors
         inside = with_safety_layer(law_inside(controller), limits, stow=stow)
         return with_tilting(inside, controller.par.model)
     if not hasattr(controller.par, "mixer"):
@@ -396,6 +402,8 @@ def with_safety_layer(
     par = SafetyParameters.around(
         controller.par,
         model=model,
+        # a mixer that clips cuts roll and pitch like the rest: ranked, yaw is given up
+        # first
         mixer=with_priorities(model, controller.par.mixer),
         limits=_limits(controller, limits),
         recovery=recovery,
@@ -432,6 +440,7 @@ def _layer(controller: Controller) -> Law:
     """Step function of a law inside the safety layer, as a picklable
     functools.partial.
     """
+    # exceptions cannot be caught in a program, and branches cannot be traced
     step = _traced_law if controller.compiled else _called_law
     return partial(
         step,
@@ -488,7 +497,9 @@ def _called_law(
     if not finite(measurement):
         return memory, memory.sent
     governed = govern(par, memory, measurement, reference, dt)
-    following, desired, failed = first, memory.sent, False
+    following = first
+    desired = memory.sent
+    failed = False
     # from its first memory a law may have much to prepare, in vain while the recovery
     # flies
     if memory.confidence.given_up < 0.5:

@@ -66,7 +66,9 @@ def friction_per_rate(joint: Joint, rate: Scalar) -> Scalar:
     c / v0 at rest, less beyond.
     """
     relative = divide(rate, joint.coulomb_rate)
-    slow = absolute(relative) < 1e-4  # tanh(x) / x is 1 there but for 3e-9
+    # tanh(x) / x is 1 there but for 3e-9, and a quotient at rest would be 0 / 0
+    slow = absolute(relative) < 1e-4
+    # both branches are computed, so the unused quotient must be finite, too
     share = where(slow, 1.0, divide(tanh(relative), where(slow, 1.0, relative)))
     return add(joint.damping, mul(divide(joint.coulomb, joint.coulomb_rate), share))
 
@@ -82,7 +84,9 @@ def stop_force(joint: Joint, position: Scalar, rate: Scalar) -> Scalar:
     """
     if not joint.has_stops:
         return 0
-    k, more = joint.stop_stiffness, mul(joint.stop_damping, rate)
+    k = joint.stop_stiffness
+    more = mul(joint.stop_damping, rate)
+    # the factor 1 + d speed stays above 0, because a stop never pulls
     above = mul(maximum(sub(position, joint.upper), 0.0), maximum(add(1.0, more), 0.0))
     below = mul(maximum(sub(joint.lower, position), 0.0), maximum(sub(1.0, more), 0.0))
     return mul(k, sub(below, above))
@@ -198,12 +202,6 @@ class TorqueDrive(Drive):
         """Torque or force on the joint, which is the setpoint itself."""
         return setpoint
 
-    def standing(self, effort: Scalar, position: Scalar) -> Scalar:
-        """Setpoint of a joint drive before the first command: the one that holds the
-        arm still.
-        """
-        return effort
-
 
 TORQUE_DRIVE = TorqueDrive()
 
@@ -267,6 +265,8 @@ class LaggedTorque(TorqueDrive):
         """Solve the first-order lag exactly over one control period of constant
         setpoint.
         """
+        # the mean over the period, not the end value, because the plant holds one
+        # effort
         share = dt / self.time_constant
         left = exp(-share)
         before = memory.following - setpoint

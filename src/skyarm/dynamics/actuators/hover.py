@@ -49,11 +49,15 @@ def hover_trim(vehicle: Vehicle, joints: Scalars, gravity: Scalar) -> HoverTrim:
         vehicle, joints, ZERO3, still, level, still
     )
     speeds, squared = mix(make_mixer(vehicle), force.torque, force.force.z)
+    # the mixer's root is the speed of a rotor with thrust k w^2 alone
     if any(rotor.table is not None or rotor.reversible for rotor in vehicle.rotors):
         rows = tuple(zip(vehicle.rotors, squared, strict=True))
         speeds = tuple(speed_of_push(rotor, value) for rotor, value in rows)
         squared = tuple(
-            absolute(value) if rotor.reversible else value for rotor, value in rows
+            # a reversible rotor may push downwards, so a negative square is a hover,
+            # too
+            absolute(value) if rotor.reversible else value
+            for rotor, value in rows
         )
     return HoverTrim(speeds, squared, force.force.z, efforts)
 

@@ -50,12 +50,15 @@ def largest_load(motion: PointMotion) -> LoadLimits:
             E_Z * (each.body.mass * gravity), ZERO3, each.body.com, i
         )
         own = [a + b for a, b in zip(own, efforts, strict=True)]
+    # without joints only the rotors limit, and no joint bears a moment
     if not vehicle.n:
         return LoadLimits(weight=data(maximum(most, 0.0)))
     _, levers = motion.generalized_force(E_Z, ZERO3, *motion.frame())
     for link, weight, lever in zip(vehicle.links, own, levers, strict=True):
         limit = where(link.joint.effort_limit > 0.0, link.joint.effort_limit, LARGEST)
+        # the arm's own weight is on the joint before any load is
         spare = maximum(SPENT * limit - absolute(weight), 0.0)
+        # the line of the force may pass through the joint, which is then not loaded
         most = minimum(most, divide(spare, maximum(absolute(lever), LEVER)))
         turning = minimum(turning, spare) if link.joint.turns else turning
     return LoadLimits(weight=data(maximum(most, 0.0)), moment=data(turning))

@@ -82,8 +82,10 @@ def yaw_bounds(
     for value, slope, turning, top in zip(
         taken, per_newton, per_turn, highest, strict=True
     ):
+        # a rotor without a share in yaw bounds nothing: its bounds are very wide
         by = where(absolute(turning) > least, turning, least)
         a, b = divide(0.0 - value, by), divide(top - value, by)
+        # division by a negative slope exchanges lower and upper bound
         rising = by > 0.0
         bounds.append(
             Bound(where(rising, a, b), where(rising, b, a), 0.0 - divide(slope, by))
@@ -240,9 +242,11 @@ def make_mixer(
         raise AllocationError(
             f"mixer policy = {policy!r}: must be one of {list(POLICIES)}"
         )
+    # A^T (A A^T)^-1, since A has independent rows and the Gram matrix is small
     A = allocation_matrix(vehicle, sideways)
     _require_rank(vehicle, A)
-    gram, size = [[inner_product(a, b) for b in A] for a in A], len(A)
+    gram = [[inner_product(a, b) for b in A] for a in A]
+    size = len(A)
     inverse_gram = [
         ldl_solve(gram, [1 if i == j else 0 for i in range(size)]) for j in range(size)
     ]
@@ -275,10 +279,12 @@ def _require_rank(vehicle: Vehicle, A: list[list[Scalar]]) -> None:
         return
     import numpy as np
 
+    # reshaped, because without rotors the rows are empty
     matrix = np.array(A, dtype=float).reshape(len(A), len(vehicle.rotors))
     for rotor, column in zip(
         vehicle.rotors, np.abs(matrix).max(axis=0, initial=0.0), strict=True
     ):
+        # written so that NaN is refused, too
         if not column < LARGEST:
             raise AllocationError(
                 f"vehicle '{vehicle.name}': rotors[{rotor.name}] gives {column:.3g} N"
@@ -286,22 +292,15 @@ def _require_rank(vehicle: Vehicle, A: list[list[Scalar]]) -> None:
                 " thrust_coefficient and position"
             )
     # rows are scaled to unit length, because torque and thrust have different units
-    lengths = (
-        np.linalg.norm(matrix, axis=1, keepdims=True)
-        if matrix.size
-        else np.zeros((len(A), 1))
-    )
+    lengths = np.linalg.norm(matrix, axis=1, keepdims=True)
     scaled = matrix / np.where(lengths > 0.0, lengths, 1.0)
-    rank = int(np.linalg.matrix_rank(scaled, tol=1e-6)) if matrix.size else 0
+    rank = int(np.linalg.matrix_rank(scaled, tol=1e-6))
     if rank < len(A):
         # an axis is lost where the others' rows span its own
-        others = (
-            [np.delete(scaled, i, axis=0) for i in range(len(A))] if matrix.size else []
-        )
         lost = [
-            name
-            for name, left in zip(AXES, others, strict=False)
-            if np.linalg.matrix_rank(left, tol=1e-6) == rank
+            AXES[i]
+            for i in range(len(A))
+            if np.linalg.matrix_rank(np.delete(scaled, i, axis=0), tol=1e-6) == rank
         ]
         raise AllocationError(
             f"vehicle '{vehicle.name}': allocation of {len(vehicle.rotors)} rotors has"
@@ -318,6 +317,7 @@ def _require_thrust_shares(vehicle: Vehicle, per_newton: Sequence[Scalar]) -> No
     if not concrete(*per_newton):
         return
     for rotor, value in zip(vehicle.rotors, per_newton, strict=True):
+        # priorities divide by these shares, so rounding is no share
         if value <= 1e-6 * max(per_newton):
             raise AllocationError(
                 f"vehicle '{vehicle.name}': rotors[{rotor.name}] takes {value:.3g}"
@@ -361,12 +361,11 @@ def _prioritize(mixer: Mixer, torque: Vec3, thrust: Scalar) -> Scalars:
     them. 2. Thrust moves just enough to leave that room. 3. Yaw takes the largest share
     of what remains.
     """
-    per_newton, per_turn = (
-        [row[3] for row in mixer.inverse],
-        [row[2] for row in mixer.inverse],
-    )
+    per_newton = [row[3] for row in mixer.inverse]
+    per_turn = [row[2] for row in mixer.inverse]
     tilt = [add(mul(row[0], torque.x), mul(row[1], torque.y)) for row in mixer.inverse]
     share = _tilt_share(tilt, per_newton, mixer.highest)
+    # one share for roll and pitch keeps the axis of their torque
     tilt = [mul(each, share) for each in tilt]
 
     def with_thrust(force: Scalar) -> list[Scalar]:
@@ -381,15 +380,15 @@ def _prioritize(mixer: Mixer, torque: Vec3, thrust: Scalar) -> Scalars:
         )
         nearest = nearest_thrust(room, thrust)
         turn = nearest_yaw(room, nearest, torque.z)
-        fixed, yaw = with_thrust(nearest), [mul(each, turn) for each in per_turn]
+        fixed = with_thrust(nearest)
+        yaw = [mul(each, turn) for each in per_turn]
     else:
         low, high = _thrust_range(tilt, per_newton, mixer.highest)
-        fixed, yaw = (
-            with_thrust(minimum(maximum(thrust, low), high)),
-            [mul(each, torque.z) for each in per_turn],
-        )
+        fixed = with_thrust(minimum(maximum(thrust, low), high))
+        yaw = [mul(each, torque.z) for each in per_turn]
         yaw_share = _largest_share(fixed, yaw, mixer.highest)
         yaw = [mul(each, yaw_share) for each in yaw]
+    # clipped again, because shares and sums are rounded
     rows = zip(fixed, yaw, mixer.highest, strict=True)
     return tuple(minimum(maximum(add(a, b), 0.0), top) for a, b, top in rows)
 
@@ -411,6 +410,7 @@ def _tilt_share(
     for each in d[1:]:
         least = minimum(least, each)
     for each, top in zip(d, e, strict=True):
+        # the rotor with the least d bounds the thrust from below
         spread = sub(each, least)
         share = minimum(share, where(spread > 0.0, divide(top, spread), share))
     return share
@@ -441,6 +441,7 @@ def _largest_share(
     """
     share: Scalar = 1.0
     for value, change, top in zip(fixed, changes, highest, strict=True):
+        # an unchanged rotor divides by 0: where() drops that quotient
         up, down = divide(top - value, change), divide(0.0 - value, change)
         limit = where(change > 0.0, up, where(change < 0.0, down, share))
         share = minimum(share, maximum(limit, 0.0))
@@ -472,6 +473,7 @@ def _with_side(
             where(
                 change > 0.0,
                 to_zero,
+                # 2 is beyond every share: a rotor that no share can bring inside
                 where(change < 0.0, to_top, where(inside, 0.0, 2.0)),
             ),
         )

@@ -128,8 +128,10 @@ def demand_of_motion(
     q, qd, qdd = tuple(motion.joints), tuple(motion.rates), tuple(motion.accelerations)
     lanes = partial(stack_values, len(motion.time))
     needed = float(vehicle.mass) * (a + np.array([[0.0], [0.0], [gravity]]))
+    # attitude and reaction depend on each other: a fixed-point iteration
     for _ in range(REACTIONS if rotation is None else 0):
         R = attitude(settled(needed), yaw)
+        # the turning of the base is left out until the attitude is known
         base = proper_acceleration(_matrix(R), Vec3(*a), ZERO3_DATA, gravity)
         force, _ = dynamics.inverse_dynamics(vehicle, q, ZERO3_DATA, qd, base, qdd)
         needed = np.einsum("ijk,jk->ik", R, lanes(force.force))
@@ -166,6 +168,7 @@ def attitude(force: Array, yaw: Array) -> Array:
     """
     length = np.linalg.norm(force, axis=0)
     # a square that overflows: no direction
+    # no division by zero in free fall, whose attitude is arbitrary
     z = force / np.where(np.isinf(length), np.nan, np.maximum(length, 1e-12))
     heading = np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)])
     y = np.cross(z, heading, axis=0)
@@ -178,7 +181,9 @@ def rates_of(R: Array, time: Array) -> tuple[Array, Array]:
     central differences.
     """
     dR = np.gradient(R, time, axis=2, edge_order=2)
+    # R^T dR/dt is skew but for the error of the differences
     W = np.einsum("jik,jlk->ilk", R, dR)
+    # the skew part alone: half the difference of each two entries
     rate = 0.5 * np.stack([W[2, 1] - W[1, 2], W[0, 2] - W[2, 0], W[1, 0] - W[0, 1]])
     return rate, np.gradient(rate, time, axis=1, edge_order=2)
 

@@ -37,6 +37,7 @@ def speed_after(rotor: Rotor, speed: Scalar, command: Scalar, dt: Scalar) -> Sca
     command is held. The command is limited to the rotor's highest speed; the loop has
     raised it to the least one (:func:`least_raised`).
     """
+    # limited before the lag: the speed approaches its limit and never passes it
     target = minimum(command, rotor.max_speed)
     rising, falling = (
         exp(divide(-dt, tau))
@@ -65,7 +66,7 @@ is not smooth at 0."""
 
 
 LEAST_LAG = 1e-3
-"""Least lag that is felt over the true one: where it would be less there is only
+"""Least equivalent lag over the true one: where it would be less there is only
 rounding."""
 
 
@@ -88,7 +89,7 @@ def lag_of(rotor: Rotor, speed: Scalar, command: Scalar) -> Scalar:
     return where(target > speed, rotor.time_constant_up, rotor.time_constant_down)
 
 
-def felt_in(
+def equivalent_speed_and_lag(
     rotor: Rotor, speed: Scalar, command: Scalar, dt: Scalar
 ) -> tuple[Scalar, Scalar]:
     """Constant speed (rad/s) and lag (s) by which a rotor's thrust and spin have their
@@ -105,8 +106,11 @@ def felt_in(
         command: rad/s.
         dt: length of the step, s.
     """
-    target, lag = minimum(command, rotor.max_speed), lag_of(rotor, speed, command)
-    change, share, passed = speed - target, divide(lag, dt), divide(dt, lag)
+    target = minimum(command, rotor.max_speed)
+    lag = lag_of(rotor, speed, command)
+    change = speed - target
+    share = divide(lag, dt)
+    passed = divide(dt, lag)
     end = exp(-passed)
 
     def squares(e: Scalar, lags: Scalar) -> Scalar:
@@ -118,21 +122,24 @@ def felt_in(
 
     mean = squares(end, passed)
     if rotor.reversible:
+        # the thrust w |w| changes its sign within the step: integrate in two pieces
         through = target * speed < 0.0
         zero = maximum(
             where(through, divide(-target, where(through, change, 1.0)), 0.0), end
         )
         mean = 2.0 * squares(zero, -log(zero)) - mean
         mean = where(where(through, speed, speed + target) < 0.0, -mean, mean)
-    felt, gap = (
-        _with_sign(rotor, mean, sqrt(absolute(mean))),
-        change * share * (end - 1.0),
-    )
+    equivalent = _with_sign(rotor, mean, sqrt(absolute(mean)))
+    gap = change * share * (end - 1.0)
+    # a rotor that keeps its speed has no gap, and any lag does
     turns = absolute(gap) > 0.0
     ratio = where(
-        turns, maximum(divide(target - felt, where(turns, gap, 1.0)), LEAST_LAG), 1.0
+        turns,
+        maximum(divide(target - equivalent, where(turns, gap, 1.0)), LEAST_LAG),
+        1.0,
     )
-    return where(dt > 0.0, felt, speed), where(dt > 0.0, lag * ratio, lag)
+    # a step of 0 s would divide by 0
+    return where(dt > 0.0, equivalent, speed), where(dt > 0.0, lag * ratio, lag)
 
 
 def rotor_force(rotor: Rotor, speed: Scalar, velocity: Vec3) -> Force:
@@ -176,6 +183,7 @@ def rotor_forces(
             if left out.
     """
     total = Force(ZERO3, ZERO3)
+    # equal rotors share products with their coefficients, which saves operations
     left = list(zip(rotors, speeds, effectiveness or (1,) * len(rotors), strict=True))
     while left:
         first = left[0][0]
@@ -184,6 +192,8 @@ def rotor_forces(
         coordinates = zip(*(rotor.position for rotor, *_ in group), strict=True)
         center = Vec3(
             *(
+                # a common coordinate, as one height of all hubs, then folds out of the
+                # arms
                 c if all(same(c, other) for other in rest) else 0
                 for c, *rest in coordinates
             )
@@ -250,6 +260,7 @@ def require_speeds(
         ValueError: one line with the rotor and its range.
     """
     for i, (rotor, speed) in enumerate(zip(rotors, speeds, strict=True)):
+        # NaN compares false, so it passes and ends a flight as diverged
         if concrete(speed, rotor.max_speed) and (
             speed < rotor.min_speed or speed > rotor.max_speed
         ):
@@ -310,10 +321,13 @@ def spin_torque(
         rate: angular velocity of the base, base axes, rad/s.
     """
     total = ZERO3
+    # rotors without inertia are structure: no lag enters the equations
     if all(same(rotor.inertia, 0) for rotor in rotors):
         return total
     for rotor, speed, command in zip(rotors, speeds, commands or speeds, strict=True):
-        target, lag = minimum(command, rotor.max_speed), lag_of(rotor, speed, command)
+        target = minimum(command, rotor.max_speed)
+        lag = lag_of(rotor, speed, command)
+        # the drag torque against the air is in rotor_forces already
         spin = mul(rotor.inertia, rotor.direction)
         turned = rate.cross(rotor.axis) * speed + rotor.axis * divide(
             target - speed, lag
@@ -336,7 +350,8 @@ def _group_force(
     pushing: Scalar = 0
     twist: Scalar = 0
     arm = ZERO3
-    drag, drag_arm = ZERO3, ZERO3  # sums of W v_perp and of r x (W v_perp)
+    # sums of W v_perp and of r x (W v_perp)
+    drag, drag_arm = ZERO3, ZERO3
     for (rotor, speed, left), r in zip(group, positions, strict=True):
         square = mul(left, push(rotor, speed))
         turning = (
@@ -344,15 +359,15 @@ def _group_force(
             if rotor.table is None
             else mul(left, _with_sign(rotor, speed, rotor.table.twist(speed)))
         )
-        pushing, twist, arm = (
-            add(pushing, square),
-            sub(twist, mul(rotor.direction, turning)),
-            arm + r * square,
-        )
+        pushing = add(pushing, square)
+        twist = sub(twist, mul(rotor.direction, turning))
+        arm = arm + r * square
+        # a double cross product, since v - (v.n) n keeps a third component
         slip = n.cross(velocity + rate.cross(r)).cross(n) * mul(
             left, speed_size(rotor, speed)
         )
-        drag, drag_arm = drag + slip, drag_arm + r.cross(slip)
+        drag = drag + slip
+        drag_arm = drag_arm + r.cross(slip)
     k, c = like.thrust_coefficient, like.drag_coefficient
     force = n * mul(k, pushing) - drag * c
     torque = arm.cross(n) * k + n * mul(mul(k, like.moment_coefficient), twist)

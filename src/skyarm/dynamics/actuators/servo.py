@@ -163,6 +163,7 @@ class Servo(Drive):
 
     def __post_init__(self) -> None:
         accept_fields(self, "")
+        # 0 passes the rule of the field, but would leave no torque at all
         if concrete(self.efficiency) and not self.efficiency > 0.0:
             raise RecordError(
                 f"efficiency = {self.efficiency!r}: must be above 0 and at most 1"
@@ -185,10 +186,9 @@ class Servo(Drive):
         """Least and largest torque (N m) or force (N) that motor and supply can give at
         a joint rate.
         """
-        per_volt, counter = (
-            mul(self.gear, self.torque_constant),
-            mul(mul(self.gear, self.torque_constant), rate),
-        )
+        per_volt = mul(self.gear, self.torque_constant)
+        # the counter-voltage constant equals the torque constant in SI units
+        counter = mul(mul(self.gear, self.torque_constant), rate)
         per_ampere = mul(per_volt, self.efficiency)
         low = maximum(
             divide(sub(-self.voltage, counter), self.resistance), -self.current_limit
@@ -198,7 +198,9 @@ class Servo(Drive):
         )
         # beyond the no-load speed the winding brakes, with no more than the current
         # limit either
-        low, high = minimum(low, self.current_limit), maximum(high, -self.current_limit)
+        low = minimum(low, self.current_limit)
+        high = maximum(high, -self.current_limit)
+        # the torque limit is one at the joint, so after gear and losses
         most = self.torque_limit
         return clip(mul(low, per_ampere), -most, most), clip(
             mul(high, per_ampere), -most, most
@@ -215,6 +217,7 @@ class Servo(Drive):
         """Torque (N m) or force (N) of the stalled motor, within the limits of current
         and torque.
         """
+        # at rest there is no counter-voltage: the stall torque
         return self.bounds(0.0)[1]
 
     def start(self, position: Scalar) -> ServoMemory:
@@ -246,10 +249,15 @@ class Servo(Drive):
 
         RK4 then errs by (1/2)^5 / 120 of the motion in a step at most.
         """
-        J, split = float(self.inertia), D * D - 4.0 * K * float(self.inertia)
+        J = float(self.inertia)
+        split = D * D - 4.0 * K * float(self.inertia)
+        # complex poles have the magnitude sqrt(K / J); of two real ones the faster
         loop = math.sqrt(K / J) if split < 0.0 else (D + math.sqrt(split)) / (2.0 * J)
         per_ampere = float(self.gear) * float(self.torque_constant)
+        # the bounds fall by k_e^2 efficiency / R per speed, which damps as a viscous
+        # loss
         motor = per_ampere**2 * float(self.efficiency) / (float(self.resistance) * J)
+        # an infinite supply never bounds, so its motor adds no damping
         return 0.5 / max(loop, motor if math.isfinite(self.voltage) else 0.0)
 
     def steady_memory(
@@ -273,6 +281,7 @@ class Servo(Drive):
                 "latency: must be the same in all episodes: it says how many setpoints"
                 " are on their way"
             )
+        # 0.07 / 0.01 is seven up to rounding
         count = math.ceil(self.latency / dt - 1e-9)
         empty = ServoMemory(
             goal=0.0, integral=0.0, rounding=0.0, waiting=(0.0,) * count
@@ -291,12 +300,12 @@ class Servo(Drive):
         rounding, integral.
         """
         received, waiting = self._arriving_setpoint(memory, setpoint, dt)
-        goal, rounding = (
-            self._next_goal(memory.goal, received, dt),
-            self._rounding(position),
-        )
-        error, asked = self._loop(goal, memory.integral, position + rounding, rate)
-        integral = self._integrate(memory, error, asked, rate, dt)
+        goal = self._next_goal(memory.goal, received, dt)
+        rounding = self._rounding(position)
+        # torque before this period's error is added: it tells whether a limit is
+        # reached
+        error, demanded = self._loop(goal, memory.integral, position + rounding, rate)
+        integral = self._integrate(memory, error, demanded, rate, dt)
         return ServoMemory(
             goal=goal, integral=integral, rounding=rounding, waiting=waiting
         )
@@ -348,15 +357,18 @@ class Servo(Drive):
         seen = (*memory.waiting, setpoint)
         # the older of the two between which the latency lies, and its share of the
         # period
-        older, newer, share = (
-            seen[0],
-            seen[1],
-            clip(self.latency / dt - (count - 1), 0.0, 1.0),
-        )
+        older = seen[0]
+        newer = seen[1]
+        share = clip(self.latency / dt - (count - 1), 0.0, 1.0)
         return newer + (older - newer) * share, seen[1:]
 
     def _integrate(
-        self, memory: ServoMemory, error: Scalar, asked: Scalar, rate: Scalar, dt: float
+        self,
+        memory: ServoMemory,
+        error: Scalar,
+        demanded: Scalar,
+        rate: Scalar,
+        dt: float,
     ) -> Scalar:
         """Integral of the control error after a period, which stops growing at a torque
         limit (anti-windup).
@@ -365,10 +377,8 @@ class Servo(Drive):
         """
         low, high = self.bounds(rate)
         moved = memory.integral + error * dt
-        pushing_up, pushing_down = (
-            logical_and(asked > high, error > 0.0),
-            logical_and(asked < low, error < 0.0),
-        )
+        pushing_up = logical_and(demanded > high, error > 0.0)
+        pushing_down = logical_and(demanded < low, error < 0.0)
         return where(
             pushing_up, memory.integral, where(pushing_down, memory.integral, moved)
         )
@@ -454,6 +464,7 @@ class PositionServo(Servo):
         dt: float,
     ) -> Scalar:
         """Setpoint by which the position loop gives a desired torque or force."""
+        # advance adds the error of this period before the effort is taken
         per_error = add(self.stiffness, mul(self.integral, dt))
         return position + divide(
             effort + self.damping * rate - self.integral * memory.integral, per_error
@@ -469,8 +480,10 @@ class PositionServo(Servo):
         )
 
     def _quantize(self, value: Scalar) -> Scalar:
+        # an int 0 is structure: no rounding is in the program
         if type(self.resolution) is int:
             return value
+        # rounded to the nearest step: floor alone would bias by half a step
         return self.resolution * floor(value / self.resolution + 0.5)
 
 

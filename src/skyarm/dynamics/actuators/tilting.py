@@ -53,13 +53,16 @@ def angle_after(tilt: Tilt, angle: Scalar, setpoint: Scalar, dt: Scalar) -> Scal
     lag. Both are solved exactly. The setpoint is limited to the servo's range.
     """
     goal = clip(setpoint, tilt.lower, tilt.upper)
+    # an infinite rate times a time of 0 would be NaN
     rate = minimum(tilt.max_rate, FASTEST)
     error = sub(angle, goal)
     size = absolute(error)
+    # time at the rate limit, until the lag alone is slower
     at_rate = clip(divide(sub(size, mul(rate, tilt.time_constant)), rate), 0.0, dt)
     left = mul(
         sub(size, mul(rate, at_rate)), exp(divide(sub(at_rate, dt), tilt.time_constant))
     )
+    # no overshoot by rounding: the rest of the way is never negative
     return goal + mul(sign(error), maximum(left, 0.0))
 
 
@@ -92,6 +95,7 @@ def turn_rotors(vehicle: Vehicle, angles: Sequence[Scalar]) -> Vehicle:
         each if each.tilt is None else turned_rotor(each, next(left))
         for each in vehicle.rotors
     )
+    # a rotation keeps the length of an axis, so nothing has to be checked again
     return vehicle.with_checked(rotors=rotors)
 
 
@@ -143,6 +147,7 @@ def as_pairs(vehicle: Vehicle) -> Vehicle:
 
 def _pair(rotor: Rotor, tilt: Tilt) -> list[Rotor]:
     low, high = ends(tilt)
+    # length of the sum of both unit axes: the thrust of equal speeds midway
     both = mul(2.0, cos(mul(0.5, sub(high, low))))
     # hub drag is linear in the speeds, of which two make up for one
     share = mul(0.5, sqrt(both))
@@ -154,6 +159,7 @@ def _pair(rotor: Rotor, tilt: Tilt) -> list[Rotor]:
             max_speed=sqrt(divide(push(rotor, rotor.max_speed), both)),
             drag_coefficient=mul(rotor.drag_coefficient, share),
             rolling_moment_coefficient=mul(rotor.rolling_moment_coefficient, share),
+            # spin is linear in the speed, and the two squared speeds of a pair add up
             inertia=0,
             table=None,
         )
@@ -173,11 +179,16 @@ def speeds_of_pairs(
         if rotor.tilt is None:
             pair_speeds.append(speed)
             continue
-        angle, (low, high) = next(left), ends(rotor.tilt)
-        square, between = mul(speed, speed), sin(sub(high, low))
+        angle = next(left)
+        low, high = ends(rotor.tilt)
+        # law of sines: the shares of two oblique axes
+        square = mul(speed, speed)
+        between = sin(sub(high, low))
         parts = sin(sub(high, angle)), sin(sub(angle, low))
         pair_speeds += [
-            sqrt(maximum(divide(mul(square, part), between), 0.0)) for part in parts
+            # an angle beyond the axes would need a negative square of one of them
+            sqrt(maximum(divide(mul(square, part), between), 0.0))
+            for part in parts
         ]
     return tuple(pair_speeds)
 
@@ -188,13 +199,15 @@ def forces_of_pairs(
     """Squared speeds and tilt angles of tilting rotors, from the speeds (rad/s) of
     their pairs of fixed rotors.
     """
-    forces, left = [], iter(speeds)
+    forces = []
+    left = iter(speeds)
     for rotor in vehicle.rotors:
         first = next(left)
         if rotor.tilt is None:
             forces.append(TiltedForce(mul(first, first), 0))
             continue
-        second, (low, high) = next(left), ends(rotor.tilt)
+        second = next(left)
+        low, high = ends(rotor.tilt)
         a, b = mul(first, first), mul(second, second)
         along = add(mul(a, cos(low)), mul(b, cos(high)))
         across = add(mul(a, sin(low)), mul(b, sin(high)))

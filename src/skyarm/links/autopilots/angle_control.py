@@ -64,6 +64,8 @@ class AngleGains:
         """
         return dataclasses.replace(
             self,
+            # K_p, K_v and K_i have the units 1/s^2, 1/s and 1/s^3: closed-loop poles
+            # that all shrink by one factor need these powers of it
             position=self.position * factor**2,
             velocity=self.velocity * factor,
             integral=self.integral * factor**3,
@@ -119,11 +121,9 @@ class MotionFilter:
         the first one sets them.
         """
         if not self._begun:
-            self.position, self.velocity, self._begun = (
-                Vec3(*measured),
-                ZERO3_DATA,
-                True,
-            )
+            self.position = Vec3(*measured)
+            self.velocity = ZERO3_DATA
+            self._begun = True
             return
         # poles of the sampled observer at exp(-w dt), twice: exact for any dt
         keep = math.exp(-self._pole * dt)
@@ -171,6 +171,7 @@ class AngleControl:
             error = [each * gains.reach / size for each in error]
         slip = [a - b for a, b in zip(goal.velocity, velocity, strict=True)]
         scale = (1.0, 1.0, gains.height)
+        # on the stand the error is no fault of the loop: its integral would wind up
         if flying:
             self.integral = _shorten(
                 [
@@ -186,7 +187,10 @@ class AngleControl:
             a + s * (gains.position * e + gains.velocity * v) + i
             for a, e, v, i, s in rows
         )
+        # thrust stays above zero, since its direction gives the attitude, and bounded,
+        # so that a large height error leaves rotor signal for the attitude
         z = min(max(z + self._gravity, 0.2 * self._gravity), 2.0 * self._gravity)
+        # the horizontal part gives way and not the vertical one, so that height is held
         level, most = math.hypot(x, y), z * math.tan(gains.tilt)
         if level > most:
             x, y = x * most / level, y * most / level
@@ -195,7 +199,12 @@ class AngleControl:
         roll, pitch = angles_of((x, y, z), now)
         turn = math.remainder(goal.yaw - now, math.tau)
         return AttitudeCommand(
-            roll, pitch, gains.yaw * turn, max(x * up[0] + y * up[1] + z * up[2], 0.0)
+            # the thrust is along body z, so its part along the present axis is what the
+            # command can give until the attitude has turned; rotors cannot pull
+            roll,
+            pitch,
+            gains.yaw * turn,
+            max(x * up[0] + y * up[1] + z * up[2], 0.0),
         )
 
 
@@ -207,6 +216,7 @@ def angles_of(thrust: Sequence[float], yaw: float) -> tuple[float, float]:
     size = math.hypot(x, y, z)
     forward = (math.cos(yaw) * x + math.sin(yaw) * y) / size
     left = (math.cos(yaw) * y - math.sin(yaw) * x) / size
+    # rounding may bring the sine beyond 1
     return math.asin(min(max(-left, -1.0), 1.0)), math.atan2(forward, z / size)
 
 

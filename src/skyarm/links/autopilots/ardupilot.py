@@ -205,6 +205,7 @@ class ArduPilotLink(ProgramLink):
         self._tape = tape
         model, rate = model_of(scenario), scenario.rates.control
         self._motors = fitting_frame(model.vehicle)[1]
+        # MAVLink is exchanged at 50 Hz, the rate of the requested position messages
         self._period, self._goal_every = 1.0 / rate, max(1, rate // 50)
         self._steps = self._repeated = 0
         self._frame, self._arrived = -1, 0.0
@@ -217,6 +218,7 @@ class ArduPilotLink(ProgramLink):
         start = first_state(scenario)
         self._stand = float(start.position.z) - record.climb
         self._planned = (float(start.position.x), float(start.position.y), self._stand)
+        # yaw is positive to the left here, a heading to the right
         heading = -math.degrees(yaw_of(start.quaternion))
         parameters = vehicle_parameters(model.vehicle, float(model.gravity))
         parameters |= {
@@ -224,6 +226,7 @@ class ArduPilotLink(ProgramLink):
             "LOG_BACKEND_TYPE": 0,
             **place_parameters(scenario, "INS_POS1_"),
         }
+        # the user's own parameters come last, so that they prevail
         parameters |= (OUTSIDE_PARAMETERS if record.outside else {}) | dict(
             record.parameters
         )
@@ -311,6 +314,8 @@ class ArduPilotLink(ProgramLink):
         self._steps += 1
         if self._steps % self._goal_every == 0:
             self._talk(now, goal)
+        # the answer moves the clock by one period: its stamp is that of the next
+        # instant, a whole number of microseconds
         stamp = round((now.time + self._period) * 1e6) * 1e-6
         self._line = physics_line(
             stamp * (1.0 + SURPLUS), now.readings["imu"], now.state
@@ -349,6 +354,7 @@ class ArduPilotLink(ProgramLink):
         signals = []
         for place in self._motors:
             pulse = pulses[place]
+            # a pulse of 0 is a channel that is off and no error
             if pulse and not PULSES[0] - STRAY <= pulse <= PULSES[1] + STRAY:
                 raise LinkError(
                     f"ArduPilot sent motor {place + 1} a pulse of {pulse} us: must be"
@@ -370,6 +376,8 @@ class ArduPilotLink(ProgramLink):
                 " of pulse widths"
             )
         _, _, count, *pulses = layout.unpack(packet)
+        # frames count up by one: any other number means a lost frame or a new start,
+        # and the flight would go on with another clock
         if count != self._frame + 1:
             what = "started again" if count <= self._frame else "skipped frames"
             raise LinkError(
@@ -396,6 +404,7 @@ class ArduPilotLink(ProgramLink):
                 if _layout(packet) is None:
                     packet = b""  # of another program: nobody is known yet
                 else:
+                    # connected, the socket takes datagrams of this sender only
                     self._peer = sender
                     self._udp.connect(sender)
             if packet and (

@@ -120,6 +120,7 @@ def fitting_frame(vehicle: Vehicle) -> tuple[ArduPilotFrame, tuple[int, ...]]:
         ScenarioError: rotors of no frame that is known here.
     """
     rotors = vehicle.rotors
+    # about the middle of the rotors, as a base's origin may lie anywhere
     middle = [
         sum(float(rotor.position[axis]) for rotor in rotors) / max(len(rotors), 1)
         for axis in (0, 1)
@@ -159,6 +160,7 @@ def _places(angles: list[tuple[float, int]], motors: Motors) -> tuple[int, ...] 
         if len(near) != 1:
             return None
         places.append(near[0])
+    # every motor exactly once: two rotors near one motor are another frame
     return tuple(places) if sorted(places) == list(range(len(motors))) else None
 
 
@@ -198,6 +200,7 @@ def torque_of_signal(vehicle: Vehicle) -> tuple[float, float, float]:
 def rate_bandwidths(vehicle: Vehicle) -> tuple[float, float, float]:
     """Rate-loop bandwidths (rad/s) about x, y and z that the rotors' lag permits."""
     slowest = max(float(rotor.time_constant_up) for rotor in vehicle.rotors)
+    # about 18 degrees of phase lag of the rotors at the crossing of the loop
     fast = min(RATE_BANDWIDTH, 0.33 / max(slowest, 1e-3))
     return fast, fast, min(YAW_BANDWIDTH, fast)
 
@@ -227,6 +230,7 @@ def thrust_curve(vehicle: Vehicle) -> float:
     Least squares over the range of the signal and the rotors; e is limited to -1 to 1,
     as ArduPilot limits it.
     """
+    # the ends 0 and 1 fit by construction and have no weight
     signals = [k / 50.0 for k in range(1, 50)]
     exponent = sum(square_share(rotor, signals) for rotor in vehicle.rotors) / len(
         vehicle.rotors
@@ -257,6 +261,7 @@ def vehicle_parameters(vehicle: Vehicle, gravity: float) -> dict[str, float]:
         "MOT_SPIN_MIN": 0,
         "MOT_SPIN_MAX": 1,
         "MOT_THST_EXPO": thrust_curve(vehicle),
+        # the range that ArduPilot's own learning of the hover thrust keeps to
         "MOT_THST_HOVER": min(max(hover, 0.125), 0.6875),
         "PSC_ACCZ_P": hover,
         "PSC_ACCZ_I": 2.0 * hover,

@@ -162,6 +162,7 @@ class Autopilot(ABC):
             outside commands base and arm.
     """
 
+    # log and files name no program of this machine, so that they fly elsewhere
     program: str = field(default="", metadata={"restored": False})
     parameters: tuple[tuple[str, float], ...] = ()
     climb: Annotated[
@@ -289,6 +290,7 @@ def move_arm(
         base,
         desired,
     )[1]
+    # the base is flown by the autopilot: the plant ignores these speeds
     return memory, Command(
         rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=limit_efforts(par, torques)
     )
@@ -429,6 +431,7 @@ def plain_parameters(value: object, longest: int = 16) -> tuple[tuple[str, float
                 f" {longest} letters"
             )
         if (
+            # True and False are ints of Python, but no numbers of a parameter
             isinstance(number, bool)
             or not isinstance(number, (int, float))
             or not abs(number) <= LARGEST

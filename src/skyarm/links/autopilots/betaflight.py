@@ -167,21 +167,19 @@ class BetaflightLink(ProgramLink):
         self._tape, self._rotors = tape, len(vehicle.rotors)
         self._period = scenario.rates.period
         self._sticks = Sticks(vehicle, gravity)
+        # the position loop stays slower than the angle loop inside it (angle_p_gain is
+        # in tenths of 1/s)
         slow = min(
             1.0, 0.1 * vehicle_loops(vehicle, gravity)[1]["angle_p_gain"] / QUICK
         )
-        self._control, self._filter = (
-            AngleControl(record.gains.slow_down(slow), gravity),
-            MotionFilter(gravity),
-        )
+        self._control = AngleControl(record.gains.slow_down(slow), gravity)
+        self._filter = MotionFilter(gravity)
         self._stand = float(first_state(scenario).position.z) - record.climb
         self._signals: Numbers = (0.0,) * self._rotors
-        self._seen, self._armed, self._armed_at, self._asked = (
-            -1.0,
-            False,
-            0.0,
-            POWER_ON,
-        )
+        self._seen = -1.0
+        self._armed = False
+        self._armed_at = 0.0
+        self._asked = POWER_ON
         self._states = self._answered = self._bad = 0
         self._silent_since, self._sent, self._heard, self._begun = 0.0, 0.0, 0.0, 0.0
         self._late: list[float] = []
@@ -266,6 +264,7 @@ class BetaflightLink(ProgramLink):
         does not start again. Each state waits for the answer to the one before: of
         states that queue up on a busy machine the clock leaps.
         """
+        # at rest an accelerometer reads 1 g upwards
         level = ((0.0,) * 6 + (9.8,), (0.0,) * 4 + (1.0, 0.0, 0.0, 0.0), (0.0,) * 3)
         answered, count, sent = 0, round(WARM / WARM_STEP), 0.0
         self._peer = None
@@ -274,6 +273,7 @@ class BetaflightLink(ProgramLink):
             sent = time.monotonic()
             self._send(RADIO.pack(k * WARM_STEP, *LEVEL, *(OFF,) * 12), RADIO_PORT)
             self._send(state_message(k * WARM_STEP, *level), STATE_PORT)
+            # in the first half its clock may still stand: only the second half counts
             answered += (2 * k > count) * bool(self._await_motors(sent + WARM_WAIT))
         return answered > 0.25 * count
 
@@ -307,6 +307,7 @@ class BetaflightLink(ProgramLink):
         if pose[0] > self._seen:
             self._filter.correct(
                 pose[1:4],
+                # the first position sets the filter, whatever the interval before it
                 max(pose[0] - self._seen, self._period) if self._seen >= 0.0 else 1.0,
             )
             self._seen = pose[0]
@@ -321,6 +322,7 @@ class BetaflightLink(ProgramLink):
         )
         self._tape.send(
             "state",
+            # stamps go on after the warm-up, since a clock that stepped back would leap
             state_message(now.time + WARM, imu, pose, velocity),
             partial(self._send, port=STATE_PORT),
         )
@@ -354,6 +356,7 @@ class BetaflightLink(ProgramLink):
             quaternion,
             goal,
             self._period,
+            # on the stand the integral would wind up
             flying=rise > 0.02,
         )
         return (*self._sticks.channels(attitude), ON, ON, *(OFF,) * 10)
@@ -371,6 +374,7 @@ class BetaflightLink(ProgramLink):
         self._signals = tuple(
             min(max((each - 1000.0) * 1e-3, 0.0), 1.0) for each in motors
         )
+        # motors report no arming: an armed motor turns at least at idle
         armed = min(self._signals) > 0.5 * IDLE
         if armed and not self._armed:
             self._armed_at = self._tape.time
@@ -397,6 +401,8 @@ class BetaflightLink(ProgramLink):
         if self._begun == 0.0:
             self._begun = now - self._states * self._period
         due = self._begun + self._states * self._period
+        # later than the last exchange by most of a period, however late: two states
+        # read at once would make the program's clock leap
         at = max(due, max(self._sent, self._heard) + CATCH_UP * self._period)
         if at > now:
             time.sleep(at - now)

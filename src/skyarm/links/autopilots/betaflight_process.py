@@ -105,6 +105,7 @@ class ProcessGuard:
             return True
 
     def _watch(self) -> None:
+        # three looks within the halting time, so that it is overrun by a third at most
         while not self._end.wait(HALT / 3.0):
             with self._lock:
                 if not self._halted and time.monotonic() > self._until:
@@ -112,6 +113,7 @@ class ProcessGuard:
                     self._kill(signal.SIGSTOP)
 
     def _kill(self, what: int) -> None:
+        # a killed process is reported where its answer is missed
         with suppress(ProcessLookupError, PermissionError):
             os.kill(self._pid, what)
 
@@ -144,6 +146,8 @@ def _bind(one: socket.socket, port: int, kind: socket.SocketKind) -> None:
     stream = kind == socket.SOCK_STREAM
     try:
         if stream:
+            # a port that a flight left a moment ago is free again, but not one that
+            # listens
             one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         one.bind(("127.0.0.1", port))
     except OSError as error:
@@ -196,6 +200,7 @@ def await_boot(child: Child, patience: float) -> None:
                     data = console.recv(4096)
                     if not data:
                         break
+                    # the head of an answer may be cut in two between reads
                     text = text[-64:] + data
                     if VERSION_ANSWER in text:
                         return
@@ -221,6 +226,8 @@ def set_up(child: Child, lines: Sequence[str], patience: float) -> None:
                 raise LinkError(
                     f"Betaflight refuses {line!r}: {shown(' '.join(answer.split()))}"
                 )
+            # Betaflight echoes the value that it took: a clipped one is no setting of
+            # the user
             taken = TAKEN.search(answer)
             if (
                 line.startswith("set ")

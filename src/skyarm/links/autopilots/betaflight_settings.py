@@ -120,6 +120,7 @@ def hover_slope(vehicle: Vehicle, gravity: float) -> Array:
             "plant.vehicle: full thrust must be at least 1.1 times the weight for"
             " Betaflight"
         )
+    # bisection: the curve rises steadily, and 50 halvings reach rounding
     for _ in range(50):
         middle = 0.5 * (low + high)
         low, high = (
@@ -164,13 +165,17 @@ def vehicle_loops(vehicle: Vehicle, gravity: float) -> tuple[Array, dict[str, in
         slow = bandwidth * inertia / locked[i]
         # thousandths per deg/s
         gain = bandwidth * inertia / torques[i] * 1e3 * math.pi / 180.0
+        # P is at most 200 in the settings: beyond, the mixer's share is the larger
+        # factor
         grow = max(gain / UNITS["P"] / 200.0, 1.0)
         mix[:, i + 1] *= grow
         gain /= grow
         integral = slow / (3.0 if name != "yaw" else 4.0)
+        # a gain of 0 would switch the axis off
         settings[f"p_{name}"] = max(round(gain / UNITS["P"]), 1)
         settings[f"i_{name}"] = min(round(integral * gain / (UNITS["I"] * boost)), 250)
         settings |= {f"d_{name}": 0, f"d_max_{name}": 0, f"f_{name}": 0}
+        # of all axes that tilt the thrust the slowest one bounds the angle loop
         angle = min(angle, slow / 3.0) if name != "yaw" else angle
     settings["angle_p_gain"] = round(10.0 * angle)
     return mix, settings
@@ -189,7 +194,7 @@ def console_lines(
         "aux 0 0 0 1700 2100 0 0",
         "aux 1 1 1 1700 2100 0 0",
     ]  # armed by the fifth channel, angle mode by the sixth
-    words = {
+    choices = {
         "rates_type": "ACTUAL",
         "rc_smoothing": "OFF",
         "runaway_takeoff_prevention": "OFF",
@@ -216,7 +221,7 @@ def console_lines(
     numbers |= loops | dict(parameters)
     return (
         lines
-        + [f"set {name} = {value}" for name, value in words.items()]
+        + [f"set {name} = {value}" for name, value in choices.items()]
         + [f"set {name} = {value:g}" for name, value in numbers.items()]
     )
 
@@ -271,6 +276,7 @@ def state_message(
         *to_our_attitude(qw, qx, qy, qz),
         *to_our_axes(vx, vy, vz),
         *to_our_axes(x, y, z),
+        # the standard atmosphere loses 12 Pa a metre near the ground
         101325.0 - 12.0 * z,
     )
 

@@ -31,12 +31,14 @@ def unit_wrenches(vehicle: Vehicle) -> Array:
     """Torque about the centre of mass, and force, per unit thrust of each rotor (6,
     rotors), base axes.
     """
-    com, columns = centre_of_mass(vehicle), []
+    com = centre_of_mass(vehicle)
+    columns = []
     for rotor in vehicle.rotors:
         axis = float_array(rotor.axis)
         arm = float_array(rotor.position) - com
         torque = (
             np.cross(arm, axis)
+            # the air's reaction turns against the rotor
             - float(rotor.direction) * float(rotor.moment_coefficient) * axis
         )
         columns.append(np.concatenate([torque, axis]))
@@ -65,6 +67,7 @@ def hover_share(vehicle: Vehicle, gravity: float, title: str, most: float) -> fl
     """
     rows = zip(vehicle.rotors, highest_thrust(vehicle), strict=True)
     lift = sum(thrust * float(rotor.axis[2]) for rotor, thrust in rows)
+    # no lift at all divides by zero: an infinite share is refused below with words
     share = float(vehicle.mass) * gravity / lift if lift > 0.0 else math.inf
     if not share < most:
         raise ScenarioError(

@@ -113,6 +113,7 @@ def planned_scenario(scenario: Scenario) -> Scenario:
         rates.reference,
         *(round(each.sensor.frequency) for each in sensors if each.sensor.frequency),
     ]
+    # every rate must fit a whole number of times into the control rate
     common = math.lcm(*slow)
     least = max(
         autopilot.least_rate, rates.control if not rates.control % common else 0
@@ -135,6 +136,7 @@ def require_free_flight(scenario: Scenario) -> None:
             hand-over is exact.
     """
     autopilot: Autopilot = autopilot_of(scenario.agent.controller)
+    # a program outside replaces the reference, whose pushes then do not count
     for stretch in () if autopilot.outside else stretches(scenario):
         require_no_push(stretch.overrides.of(scenario), autopilot.title)
     for contact in scenario.worlds:
@@ -204,6 +206,8 @@ def take_off_scenario(scenario: Scenario) -> Scenario:
         joint_rates=vehicle.zeros,
         rotor_speeds=(0.0,) * len(vehicle.rotors),
     )
+    # the take-off has its own scenario: wind, faults, payloads and changes belong to
+    # the flight and would act at the wrong time
     agent = replace(
         scenario.agent,
         reference=hover_at_start(scenario),
@@ -358,6 +362,7 @@ class PilotedSession(Session):
         ahead = self._wall + self.time - time.monotonic()
         if ahead > 0.0:
             time.sleep(ahead)
+        # caught up, the program outside would get its states faster than in real time
         elif ahead < -LATE:
             self._wall -= ahead
             self._late += 1
@@ -384,6 +389,7 @@ class PilotedSession(Session):
     def _next_goal(self) -> BaseGoal:
         """Set point of the base for the next control period."""
         (inputs,) = self._engine.inputs.each
+        # a changed scenario has new inputs and other set points
         if inputs is not self._inputs:
             self._inputs, self._goals = inputs, goal_columns(inputs)
         if self._goals is None:
@@ -518,6 +524,7 @@ class PilotedSession(Session):
         """Simulate for about a tenth of a second of wall time, at most up to control
         period ``stop``.
         """
+        # some periods of a slow machine last longer: the caller must get its turn
         until, going = time.perf_counter() + 0.1, self.running
         while going and self.tick < stop:
             going = self.step()

@@ -60,12 +60,9 @@ class GuidedVehicle(MavlinkVehicle):
         self.origin: tuple[float, ...] | None = None
         self.away, self._absent = 0, 0.0
         self._differences: list[tuple[float, ...]] = []
-        self._unread, self._begun, self._requested_at = (
-            dict(stated),
-            math.inf,
-            -math.inf,
-        )
-        self._requested: set[str] = set()
+        self._unread = dict(stated)
+        self._begun = math.inf
+        self._requested_at = -math.inf
 
     def tell(self, name: str, **fields: FieldValue) -> None:
         """Send a MAVLink message.
@@ -135,6 +132,7 @@ class GuidedVehicle(MavlinkVehicle):
             afx=ax,
             afy=ay,
             afz=az,
+            # yaw is positive to the left here and to the right on the wire
             yaw=-goal.yaw,
         )
 
@@ -148,8 +146,10 @@ class GuidedVehicle(MavlinkVehicle):
         """
         title = self.numbers.title
         for name in self._unread.keys() & self.parameters.keys():
+            # patience counts from the last answer: many parameters take many rounds
             self._begun = time
             stated, value = self._unread.pop(name), self.parameters[name]
+            # the autopilot keeps single precision, so equal means equal to its rounding
             if not math.isclose(value, stated, rel_tol=1e-5, abs_tol=1e-6):
                 raise LinkError(
                     f"controller.parameters.{name} = {stated:g}: must be what {title}"
@@ -197,6 +197,7 @@ class GuidedVehicle(MavlinkVehicle):
         if self.obeys:
             self._absent = 0.0
             return
+        # a departure counts once, in its first period
         self.away += self._absent == 0.0
         self._absent += seconds
         if self._absent > ABSENCE:

@@ -104,6 +104,7 @@ class Child:
                     stdin=read_end,
                     stdout=output,
                     stderr=subprocess.STDOUT,
+                    # a group of its own, so that the program's children end with it
                     start_new_session=True,
                 )
         except OSError as error:
@@ -145,6 +146,7 @@ class Child:
         """
         lines = filter(None, map(_printable, reversed(self.output.splitlines())))
         words = " | ".join(reversed(list(islice(dict.fromkeys(lines), 3))))
+        # the end tells most: the last lines, and of a long one its end
         return words[-LAST_WORDS:]
 
     def ending(self, title: str) -> str:
@@ -176,6 +178,7 @@ class Child:
 
 def _printable(line: str) -> str:
     """Strip colour codes and control characters from a line of output."""
+    # what a program prints may steer a terminal or colour it
     plain = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", line)
     return "".join(c for c in plain if c.isprintable()).strip()
 
@@ -248,6 +251,7 @@ class ProgramLink(SimulatorLink):
         while True:
             with suppress(TimeoutError):
                 connection = self._held.enter_context(listener.accept()[0])
+                # small frames go out at once: lockstep waits for each of them
                 connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 return connection
             if self._child is None or not self._child.running:

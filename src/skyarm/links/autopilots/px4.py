@@ -206,10 +206,8 @@ class PX4Link(ProgramLink):
         ports = open_ports(
             max(record.instance, 0) if record.outside else record.instance
         )
-        self._udp, self._partner = (
-            self._held.enter_context(ports.onboard),
-            ports.partner,
-        )
+        self._udp = self._held.enter_context(ports.onboard)
+        self._partner = ports.partner
         self._held.enter_context(ports.listener)
         with self._starting():
             environment = {
@@ -234,6 +232,7 @@ class PX4Link(ProgramLink):
                 str(folder),
                 str(etc),
             ]
+            # a variable of the user's shell must not change the parameters
             self._launch(command, folder, environment, without="PX4_")
             self._tcp = self._accept(ports.listener)
             # else it keeps the instance, whose onboard port is to be free
@@ -336,6 +335,7 @@ class PX4Link(ProgramLink):
                 f"PX4 answered with the time {answered} us before it was sent: must be"
                 f" {stamp} us"
             )
+        # controls may lie outside by rounding, and then count as 0 or 1
         if not all(-1e-3 <= each <= 1.001 for each in controls):
             raise LinkError(
                 "PX4 sent controls that are not from 0 to 1:"
@@ -345,6 +345,7 @@ class PX4Link(ProgramLink):
         self._armed = bool(message["mode"] & ARMED)
         if self.released and not self._armed:
             raise LinkError("PX4 disarmed in flight")
+        # an answer to an earlier message is no answer to this one: the wait goes on
         if answered != stamp:
             return False
         if not self._answered:
@@ -360,9 +361,9 @@ class PX4Link(ProgramLink):
         """
         if self._child is None:
             return
-        words = self._child.output
+        printed = self._child.output
         for name, value in self._record.parameters:
-            if f"Parameter {name} not found" in words:
+            if f"Parameter {name} not found" in printed:
                 raise LinkError(
                     f"controller.parameters.{name} = {value:g}: must be a parameter"
                     " that PX4 knows"
@@ -461,6 +462,7 @@ class PX4Link(ProgramLink):
 
     def _write_datagram(self, data: bytes) -> None:
         assert self._udp is not None
+        # a datagram that is lost is sent again with the next period
         with suppress(OSError):
             self._udp.sendto(data, self._partner)
 
@@ -484,4 +486,5 @@ class PX4Link(ProgramLink):
                 and vehicle.rise(self._stand) > 0.5 * self._record.climb
             )
             if high and not self.following:
+                # texts of the take-off would be taken for the cause of a later loss
                 self.following, vehicle.said = True, ""

@@ -91,6 +91,8 @@ def vehicle_parameters(vehicle: Vehicle, gravity: float) -> dict[str, float]:
         parameters[f"CA_ROTOR{i}_KM"] = float(rotor.moment_coefficient) * float(
             rotor.direction
         )
+        # only ratios of the thrust coefficients count, so the strongest has PX4's
+        # default
         parameters[f"CA_ROTOR{i}_CT"] = DEFAULT_THRUST * thrust / largest
         parameters[f"PWM_MAIN_FUNC{i + 1}"] = ROTOR_FUNCTION + i
     hover = hover_share(vehicle, gravity, "PX4", 0.9)
@@ -150,6 +152,7 @@ def rate_bandwidth(vehicle: Vehicle) -> float:
         0.5 * (float(rotor.time_constant_up) + float(rotor.time_constant_down))
         for rotor in vehicle.rotors
     )
+    # one that is quicker than a millisecond has no lag here
     return min(RATE_BANDWIDTH, LAG_SHARE / max(slowest, 1e-3))
 
 
@@ -157,6 +160,7 @@ def thrust_factor(rotor: Rotor) -> float:
     """Least-squares weight a of the square in PX4's thrust curve a s^2 + (1 - a) s of a
     signal s.
     """
+    # from a fifth of the signal up, as no rotor flies below
     return min(max(square_share(rotor, [0.2 + 0.05 * k for k in range(17)]), 0.0), 1.0)
 
 

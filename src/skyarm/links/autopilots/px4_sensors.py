@@ -99,6 +99,7 @@ def from_earth_fixed(x: float, y: float, z: float) -> Geodetic:
         tangent = (short * sine, cosine)
     sin_lat = math.sin(latitude)
     ellipsoid = SEMI_MAJOR_AXIS * math.sqrt(1.0 - ECCENTRICITY_2 * sin_lat * sin_lat)
+    # not p / cos(latitude) - N, which is singular at the poles
     height = outwards * math.cos(latitude) + z * sin_lat - ellipsoid
     return math.degrees(latitude), math.degrees(math.atan2(y, x)), height
 
@@ -146,6 +147,7 @@ class SensorMessages:
     """
 
     def __init__(self) -> None:
+        # nothing of the sensors' time is known at first, and time begins at 0
         self._last = {"magnetometer": -1.0, "barometer": -1.0, "gnss": -1.0}
         self.fix = (0.0, 0.0, 0.0)
 
@@ -209,6 +211,7 @@ class SensorMessages:
             "vn": _whole(vn * 100, LONGEST_SHORT),
             "ve": _whole(ve * 100, LONGEST_SHORT),
             "vd": _whole(vd * 100, LONGEST_SHORT),
+            # a course of 359.999 degrees rounds to 360, which the message writes as 0
             "cog": round(course * 100) % 36000,
             "satellites_visible": 14,
         }

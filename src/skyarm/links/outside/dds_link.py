@@ -115,6 +115,7 @@ class DdsLink(Estimates):
             MODE: self._hear_mode,
             LANDED: self._hear_landed,
             ANSWER: self._hear_answer,
+            # v1.17 marks the type's version in the topic's name: either name is read
             f"{ANSWER}_v1": self._hear_answer,
         }
 
@@ -135,6 +136,7 @@ class DdsLink(Estimates):
                 try:
                     message = decode(OUT[topic], DEFINITIONS, data)
                 except MessageError:
+                    # a message of another definition is no reason to end a flight
                     self.lost += 1
                     continue
                 reader(message)
@@ -151,10 +153,8 @@ class DdsLink(Estimates):
         Raises:
             OffboardError: more than one publishes its estimate.
         """
-        count, topic = (
-            self._node.publishers(self._space + ODOMETRY),
-            self._space + ODOMETRY,
-        )
+        topic = self._space + ODOMETRY
+        count = self._node.publishers(topic)
         if count > 1:
             raise OffboardError(
                 f"--link: {count} vehicles publish {topic}: must be one; add its"
@@ -198,6 +198,8 @@ class DdsLink(Estimates):
         return (
             0
             if self.state is None
+            # set points state PX4's own time, which goes on since its newest estimate
+            # was heard
             else round(1e6 * (self.state.time + time.monotonic() - self.heard))
         )
 

@@ -149,6 +149,7 @@ class DynamixelJoints(JointLink):
         """Stop the thread and close the serial port; the servos keep their position."""
         if self._running:
             self._running = False
+            # joined before the port is closed, so that no packet is cut
             self._thread.join(1.0)
             self._port.closePort()
 
@@ -182,11 +183,13 @@ class DynamixelJoints(JointLink):
         """
         bus = self._bus
         for number in bus.ids:
+            # the operating mode is writable while the torque is off only
             done = self._write(number, TORQUE_ENABLE, 0) and self._write(
                 number, OPERATING_MODE, self._mode
             )
             done = (
                 done
+                # an expired watchdog must be cleared before it accepts another time
                 and self._write(number, BUS_WATCHDOG, 0)
                 and self._write(number, BUS_WATCHDOG, WATCHDOG)
             )
@@ -216,11 +219,13 @@ class DynamixelJoints(JointLink):
             except Exception as error:  # of the SDK, too: the arm is silent from now on
                 self.problem = str(error) or type(error).__name__
                 return
+            # half a millisecond of rest, so that callers get the lock of the bus
             time.sleep(0.0005)
 
     def _cycle(self) -> None:
         if self._states.txRxPacket() == 0:
             rows = [self._state(number) for number in self._bus.ids]
+            # a reading holds all joints: one that is silent leaves out the others, too
             if all(row is not None for row in rows):
                 joints, rates = zip(
                     *(row for row in rows if row is not None), strict=True
@@ -239,6 +244,7 @@ class DynamixelJoints(JointLink):
             for number, unit, setpoint in zip(
                 self._bus.ids, self._currents, setpoints, strict=True
             ):
+                # registers hold two's complement of their own width
                 ticks = self._ticks(setpoint, unit) & (1 << 8 * self._size) - 1
                 self._goals.addParam(number, list(ticks.to_bytes(self._size, "little")))
             self._goals.txPacket()

@@ -60,6 +60,7 @@ class Estimates:
 
     def _keep(self, state: AutopilotState) -> None:
         """Store a state estimate if it is finite and newer than the last one."""
+        # time must rise: UDP may deliver an older estimate after a newer one
         if is_whole(state) and (self.state is None or state.time > self.state.time):
             self.state, self.fresh, self.heard = state, True, time.monotonic()
 
@@ -67,6 +68,7 @@ class Estimates:
         """Store a specific force for the state estimates that follow; three zeros are
         no reading.
         """
+        # an autopilot without accelerometer data fills its message with zeros
         if all(map(math.isfinite, force)) and any(force):
             self._force, self.force_heard = force, time.monotonic()
 

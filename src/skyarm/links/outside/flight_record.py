@@ -86,11 +86,14 @@ class FlightRecord:
         agent = replace(
             scenario.agent, sensors=(), estimator=PASS_THROUGH, faults=(), payloads=()
         )
+        # nothing of a real flight's air, faults and payloads is known to the log
         still = Environment(ground=False)
         plain = replace(
             scenario.with_agent(agent), environment=still, changes=(), endings=()
         )
         rows = np.zeros(count, dtype=int)
+        # periods without a sample repeat the newest before them: the maximum so far is
+        # its row, as rows are numbered in order
         rows[self.ticks] = np.arange(len(self.ticks))
         rows = np.maximum.accumulate(rows)
         none = np.zeros((count, 0))

@@ -38,6 +38,7 @@ def open_joints(url: str | None, vehicle: Vehicle) -> JointLink:
             f"--joints: is missing, must be given for the {vehicle.n} joints of"
             f" {vehicle.name!r}"
         )
+    # a file's colon would parse as a scheme, so the user's own form is tried first
     match = FROM_FILE.fullmatch(url)
     if match is not None:
         return _open_own(match["file"], match["maker"], vehicle)
@@ -106,6 +107,7 @@ def _servo_bus(url: str, vehicle: Vehicle) -> ServoBus:
     if (
         len(ids) != vehicle.n
         or len({*ids}) != len(ids)
+        # 253 and 254 are reserved by the protocol, 254 is the broadcast
         or not all(0 <= each <= 252 for each in ids)
     ):
         raise JointPortError(

@@ -197,11 +197,13 @@ def real_time() -> Iterator[None]:
     real-time priority.
     """
     collecting = gc.isenabled()
+    # a collection of garbage may take longer than a period
     gc.disable()
     first = False
     # no permission; no such scheduler
     with contextlib.suppress(OSError, AttributeError):
-        if os.sched_getscheduler(0) == os.SCHED_OTHER:
+        # the flag stays set after an earlier flight without privileges
+        if os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER:
             os.sched_setscheduler(
                 0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(1)
             )
@@ -209,10 +211,21 @@ def real_time() -> Iterator[None]:
     try:
         yield
     finally:
-        if first:
-            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         if collecting:
             gc.enable()
+        if first:
+            _leave_real_time()
+
+
+def _leave_real_time() -> None:
+    """Return to the usual scheduling of this process."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    except PermissionError:
+        # a limit (RLIMIT_RTPRIO) permits real-time priority, but only CAP_SYS_NICE
+        # permits to take the flag back (sched(7))
+        usual = os.SCHED_OTHER | os.SCHED_RESET_ON_FORK
+        os.sched_setscheduler(0, usual, os.sched_param(0))
 
 
 class OffboardFlight:
@@ -241,13 +254,11 @@ class OffboardFlight:
         tell: Callable[[str], None] = lambda text: None,
     ) -> None:
         require_outside(scenario)
-        self._scenario, self._link, self._arm, self._settings, self._tell = (
-            scenario,
-            link,
-            arm,
-            settings,
-            tell,
-        )
+        self._scenario = scenario
+        self._link = link
+        self._arm = arm
+        self._settings = settings
+        self._tell = tell
         self._inputs = episode_inputs(scenario)
         self._rows = self._inputs.held_leaves
         self._example: Reference = self._inputs.reference_example
@@ -521,6 +532,8 @@ class OffboardFlight:
                     " estimates",
                 )
             tick = round((state.time - record.first) * self._rate)
+            # an estimate twice in one period, or late from an earlier one, is no new
+            # period
             if tick <= last:
                 continue
             if tick >= self._steps:
@@ -554,6 +567,7 @@ class OffboardFlight:
         if not all(map(math.isfinite, leaves(command))):
             raise HandBackError(DIVERGED, "the law's command is not finite")
         link.send(command.base)
+        # the loop of the arm is not closed before take-over
         if record is None:
             return
         self._arm.send([float(each) for each in command.law.efforts], state.time)
@@ -565,6 +579,7 @@ class OffboardFlight:
         this process was suspended.
         """
         link, now, stale = self._link, time.monotonic(), self._settings.stale
+        # silence shows only here: a stopped process finds its old estimates waiting
         stood, self._alive = now - self._alive, now
         if stood > stale:
             raise HandBackError(
@@ -615,6 +630,7 @@ class OffboardFlight:
         self._arm.release()
         if link.modes is None or not self._ours or not self._still_obeys():
             return
+        # a request may be lost: it is repeated until a heartbeat shows the mode
         for _ in range(5):
             link.request_hold()
             until = time.monotonic() + 0.3
@@ -636,4 +652,6 @@ class OffboardFlight:
         last, until = link.beaten, time.monotonic() + HAND_BACK
         while time.monotonic() < until and link.beaten == last:
             link.wait(0.05)
+        # the first heartbeat after take-over decides; without one the last is trusted
+        # if it is older than our request, as it shows the mode before
         return modes.is_outside(link.mode) or link.beaten < self._asked

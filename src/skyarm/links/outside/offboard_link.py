@@ -67,7 +67,7 @@ OLD = 0.1
 
 
 @positional
-class Place:
+class PositionEstimate:
     """Estimated position (m) and velocity (m/s), north, west, up, at a time (s) of the
     autopilot's clock.
     """
@@ -154,6 +154,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
             self,
             MODES,
             self._carry,
+            # the autopilot's own number: it takes orders of its own system
             sender=(0, COMPONENT),
             role=ONBOARD_COMPUTER,
             datagrams=True,
@@ -162,7 +163,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
         self._lost_before = 0
         self._calls = self._partner is not None
         self.round_trips: deque[float] = deque(maxlen=MOST_TIMES)
-        self._place: Place | None = None
+        self._place: PositionEstimate | None = None
         self._odometry = self._attitude = -math.inf
 
     @property
@@ -197,6 +198,8 @@ class OffboardLink(Estimates, MavlinkVehicle):
         with suppress(ConnectionError):
             for data, sender in drain(self._socket):
                 connected = self.modes is not None
+                # a datagram of a stranger must not be taken for the autopilot once it
+                # is known
                 if connected and sender != self._partner:
                     continue
                 for message in self.parser.feed(data):
@@ -227,6 +230,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
         the autopilot agrees.
         """
         self._await_answer()
+        # lost before the take-over does not matter to the law
         self._lost_before += self.lost
         super().request_outside()
 
@@ -236,6 +240,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
         p, q, r = to_our_axes(*command.rates)
         self.tell_autopilot(
             "SET_ATTITUDE_TARGET",
+            # 32 bits of milliseconds, which overflow after 50 days
             time_boot_ms=round(time.monotonic() * 1e3) & 0xFFFFFFFF,
             type_mask=NO_ATTITUDE,
             q=(1.0, 0.0, 0.0, 0.0),
@@ -252,6 +257,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
     def _carry(self, frame: bytes) -> None:
         if self._partner is None:
             return
+        # no socket error ends a flight: silence is noticed by its duration
         with suppress(OSError):
             _ = (
                 self._socket.send(frame)
@@ -267,7 +273,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
         velocity = to_our_axes(m["vx"], m["vy"], m["vz"])
         if m["child_frame_id"] in BODY_FRAMES:
             velocity = quaternion.rotation().apply(velocity)
-        place = Place(
+        place = PositionEstimate(
             1e-6 * m["time_usec"], to_our_axes(m["x"], m["y"], m["z"]), velocity
         )
         self._place, self._odometry = place, time.monotonic()
@@ -283,7 +289,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
         """Store position and velocity of an autopilot that sends no odometry."""
         if time.monotonic() - self._odometry > QUIET:
             velocity = to_our_axes(m["vx"], m["vy"], m["vz"])
-            self._place = Place(
+            self._place = PositionEstimate(
                 1e-3 * m["time_boot_ms"], to_our_axes(m["x"], m["y"], m["z"]), velocity
             )
 
@@ -299,7 +305,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
         self._take_state(self._place, 1e-3 * m["time_boot_ms"], quaternion, rate)
 
     def _take_state(
-        self, place: Place, at: float, quaternion: Quaternion, rate: Vec3
+        self, place: PositionEstimate, at: float, quaternion: Quaternion, rate: Vec3
     ) -> None:
         """Store a state whose position, extrapolated to the time of its attitude, is at
         most ``OLD`` s old.
@@ -329,6 +335,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
     def _hear_time(self, m: mavlink.Message) -> None:
         if m["tc1"] and m["ts1"]:
             passed = time.monotonic() - 1e-9 * m["ts1"]
+            # a round trip of a second or more is an answer to another program's request
             if 0.0 <= passed < 1.0:
                 self.round_trips.append(passed)
 

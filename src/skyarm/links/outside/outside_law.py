@@ -86,6 +86,8 @@ class MotorSettings:
         """
         pairs = zip(model.vehicle.rotors, command.rotor_speeds, strict=True)
         shares = (
+            # the push of a rotor grows with the square of its speed: a share of thrust
+            # is no share of speed
             clip(push(rotor, speed) / push(rotor, rotor.max_speed), 0.0, 1.0)
             for rotor, speed in pairs
         )
@@ -145,6 +147,8 @@ class LoopSettings:
         speeds (rad/s).
         """
         wrench = rotor_wrench(vehicle, speeds)
+        # torque centre: autopilots share torques about it, the wrench is about the
+        # origin
         torque = wrench.torque - self.center.cross(wrench.force)
         return Vec3(*map(float, self.rate_loop.begin(torque)))
 
@@ -200,6 +204,9 @@ OTHER = 0.01
 an accelerometer."""
 
 
+# no cut of LoopProgram: its measurement comes from outside, and no scenario, plant,
+# sensor or delay takes part; its carry has the modelled rotors and a set point's
+# integral
 class OutsideLaw:
     """Control law evaluated in real time on measured values, compiled to machine code
     if it can be traced.
@@ -302,6 +309,8 @@ class OutsideLaw:
         """
 
         def begin() -> None:
+            # a law's own memory may be mutable: each flight begins from an untouched
+            # copy
             self._memory = copy.deepcopy(self._first)
 
         def step(measurement: Measurement, reference: Reference) -> OutsideCommand:

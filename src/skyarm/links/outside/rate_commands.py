@@ -222,6 +222,7 @@ def angular_acceleration(
     bias = dynamics.inverse_dynamics(
         vehicle, joints, rate, rates, still, reference.joint_accelerations
     )[0]
+    # a setpoint drive imposes the joints' motion: six rows of the base remain
     M = dynamics.mass_matrix(vehicle, Mat3.identity(), joints)
     rest = [*(applied.force - bias.force), *(applied.torque - bias.torque)]
     return Vec3(*ldl_solve([row[:6] for row in M[:6]], rest)[3:6])
@@ -260,4 +261,5 @@ def rate_command(
     )
     following, error = loop.rate_error(integral, torque, turning, dt)
     share = clip(applied.force.z / full_thrust, 0.0, 1.0)
+    # the measured rate plus the error: the loop subtracts the rate that it measures
     return following, RateCommand(rates=measurement.rate + error, thrust=share)

@@ -122,6 +122,7 @@ class ParameterReader:
             OffboardError: it does not send one of them.
         """
         link = self._link
+        # UDP loses requests: five rounds, each only for those still missing
         for _ in range(5):
             missing = [name for name in names if name not in link.parameters]
             for name in missing:
@@ -173,6 +174,7 @@ def rate_settings(
     return LoopSettings(
         period=period,
         rate_loop=_rate_loop(reader, vehicle, bandwidth),
+        # thrust in hover is the weight, which calibrates the thrust of a full set point
         full_thrust=float(vehicle.mass) * float(model.gravity) / share,
         center=Vec3(*map(float, centre_of_mass(vehicle))),
     )
@@ -189,6 +191,7 @@ def _require_thrust(reader: ParameterReader) -> None:
         return
     name, bit = reader.modes.option
     value = reader.read([name])[name]
+    # a float of single precision is a whole number exactly up to 2^24
     if not (0.0 <= value < 2.0**24 and int(value) & bit):
         raise OffboardError(
             f"--link: {reader.modes.title}'s {name} = {value:g}: must include {bit}, so"

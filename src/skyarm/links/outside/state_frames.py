@@ -53,6 +53,7 @@ def is_whole(state: AutopilotState) -> bool:
     )
     return (
         all(map(math.isfinite, numbers))
+        # the length of a quaternion in single precision errs by less than this
         and abs(sum(c * c for c in state.quaternion) - 1.0) < 1e-2
     )
 

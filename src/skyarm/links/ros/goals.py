@@ -50,7 +50,8 @@ def with_goals(scenario: Scenario) -> tuple[Scenario, dict[str, str]]:
     Returns:
         The scenario, and the name of each vehicle that takes no goals with the reason.
     """
-    agents, reasons = dict(scenario.agents), dict[str, str]()
+    agents = dict(scenario.agents)
+    reasons: dict[str, str] = {}
     for name, agent in scenario.agents.items():
         if reason := _reason_against(scenario.of(name)):
             reasons[name] = reason
@@ -106,6 +107,7 @@ def base_goal(message: Content) -> dict[str, float]:
     x, y, z, w = (float(pose["orientation"][axis]) for axis in "xyzw")
     if not all(map(math.isfinite, (*goals.values(), x, y, z, w))):
         raise MessageError("must be of finite numbers")
+    # four zeros state no orientation: then the heading stays
     if largest := max(map(abs, (x, y, z, w))):
         # whose squares do not overflow
         x, y, z, w = x / largest, y / largest, z / largest, w / largest
@@ -122,17 +124,16 @@ def joint_goal(message: Content, vehicle: Vehicle) -> dict[str, float]:
         MessageError: a name of no joint, another number of positions than names, or a
             position outside the limits.
     """
-    names, positions = (
-        list(message["name"]),
-        [float(value) for value in message["position"]],
-    )
+    names = list(message["name"])
+    positions = [float(value) for value in message["position"]]
     joints = vehicle.joints
     if len(names) != len(positions) or not names:
         raise MessageError(
             f"{len(names)} names and {len(positions)} positions: must be as many, and"
             " one at least"
         )
-    joint_names, goals = [each.name for each in joints], dict[str, float]()
+    joint_names = [each.name for each in joints]
+    goals: dict[str, float] = {}
     for name, value in zip(names, positions, strict=True):
         if name not in joint_names:
             raise MessageError(
@@ -185,6 +186,7 @@ def changes_to(
     """
     signals = _signals(reference)
     groups = [
+        # base and heading together, so that a diagonal stays straight
         [word for word in (*BASE, HEADING) if word in goals],
         *([word] for word in goals if "." in word),
     ]
@@ -213,6 +215,7 @@ def _move_together(
     """
     begins = [_begin(each, time) for each in signals.values()]
     ends = [
+        # of two headings a whole turn apart the nearer one is meant
         _nearest_turn(goals[word], begin[0]) if word == HEADING else goals[word]
         for word, begin in zip(signals, begins, strict=True)
     ]

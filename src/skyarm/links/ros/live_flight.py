@@ -46,12 +46,14 @@ class Pace:
         if math.isinf(self._speed):
             return
         now = time.perf_counter()
+        # the first period sets the origin, since compiling has taken its time before
         if math.isnan(self._origin):
             self._origin = now - flight_time / self._speed
         behind = now - (self._origin + flight_time / self._speed)
         if behind < 0.0:
             time.sleep(-behind)
         elif behind > MOST_LATE:
+            # what cannot be caught up becomes a later origin
             self._origin += behind
             self.late += behind
 
@@ -91,7 +93,8 @@ class LiveFlight:
     @property
     def lines(self) -> list[str]:
         """Sentences on the ROS commands and goals of the flight, and on its delay."""
-        rate, lines = float(self.log.info["rates_hz"]["control"]), list[str]()
+        rate = float(self.log.info["rates_hz"]["control"])
+        lines: list[str] = []
         if self.commanded:
             seconds = self.commanded / rate
             lines.append(
@@ -125,6 +128,7 @@ def fly_with_topics(
     return fly_live(
         scenario,
         open_node(version),
+        # 0 on the command line: as fast as it can
         pace=pace or math.inf,
         advance=advance,
         preparing=preparing,
@@ -168,6 +172,7 @@ def fly_live(
             link = RosLink(session, node, warn=warn)
             try:
                 _fly(link, clock, advance)
+            # ROS may be lost in flight, what was flown is not
             except RosError as error:
                 warn(f"{error}; the flight ends after {session.time:g} s")
             except Exception:

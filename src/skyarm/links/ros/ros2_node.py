@@ -45,10 +45,14 @@ ANNOUNCED = "500 ms"
 multicast."""
 
 LOOPBACK_ONLY = f"""<CycloneDDS><Domain>
-<General><Interfaces><NetworkInterface address="{LOOPBACK}" multicast="false"/></Interfaces>
+<General><Interfaces>
+<NetworkInterface address="{LOOPBACK}" multicast="false"/>
+</Interfaces>
 <AllowMulticast>false</AllowMulticast></General>
-<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>
-<Peers><Peer address="{LOOPBACK}"/></Peers><SPDPInterval>{ANNOUNCED}</SPDPInterval></Discovery>
+<Discovery><ParticipantIndex>auto</ParticipantIndex>
+<MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>
+<Peers><Peer address="{LOOPBACK}"/></Peers>
+<SPDPInterval>{ANNOUNCED}</SPDPInterval></Discovery>
 </Domain></CycloneDDS>"""
 """Configuration that exchanges no messages with other machines."""
 
@@ -126,6 +130,7 @@ class Ros2Node:
         try:
             writer.write(_message(writer.data_type, data))
         except self._dds.core.DDSException as error:
+            # a full queue drops the message: the flight never waits for a receiver
             if error.code != self._dds.core.DDSException.DDS_RETCODE_TIMEOUT:
                 raise RosError(
                     f"ROS 2 topic {topic}: cannot be written ({_words(error)})"
@@ -135,6 +140,8 @@ class Ros2Node:
         """Subscribe to a topic, for reliable and best-effort publishers alike."""
         policy = self._dds.qos.Policy
         qos = self._dds.qos.Qos(
+            # reliable publishers match a best-effort reader, the other way round they
+            # do not
             policy.Reliability.BestEffort,
             policy.Durability.Volatile,
             policy.History.KeepLast(MOST_WAITING),
@@ -147,6 +154,7 @@ class Ros2Node:
     def take(self, topic: str) -> list[bytes]:
         """Messages that have arrived on a topic since the last call, oldest first."""
         samples = self._readers[topic].take(MOST_WAITING)
+        # disposed instances come as samples without content
         return [each.content for each in samples if hasattr(each, "content")]
 
     def wait(self, seconds: float) -> None:
@@ -175,10 +183,12 @@ class Ros2Node:
         """
         if any(map(self.subscribers, self._writers)):
             time.sleep(LAST)
+        # readers and writers before the participant that they live in
         self._arrivals = None
         self._writers.clear()
         self._readers.clear()
         self._participant = None
+        # in reverse: a domain must outlive what was made in it
         while self._entities:
             del self._entities[-1]
 
@@ -218,7 +228,8 @@ class DdsTypes:
     def __init__(self, definitions: Mapping[str, str]) -> None:
         from cyclonedds.idl import make_idl_struct, types
 
-        self._definitions, self._made = definitions, dict[str, Any]()
+        self._definitions = definitions
+        self._made = dict[str, Any]()
         self._make, self._types = make_idl_struct, types
 
     def of(self, kind: str) -> Any:

@@ -214,6 +214,7 @@ class RosLink:
             name: command for name, command in newest.items() if command is not None
         }
         return (
+            # a scenario of one vehicle takes its command without a name
             next(iter(commands.values()), None)
             if len(newest) == 1
             else commands or None
@@ -234,6 +235,7 @@ class RosLink:
             due = tick % topic.every == topic.offset if topic.every else not self._begun
             if not due:
                 continue
+            # sums and norms of a lost flight may overflow, which is no reason to warn
             with np.errstate(all="ignore"):
                 values = topic.values(LogSection(instant, slice(None)))
             self.node.send(
@@ -251,6 +253,7 @@ class RosLink:
             try:
                 use(decode(kind, DEFINITIONS, data))
             except MessageError as error:
+                # one warning a topic: a publisher at 100 Hz would bury all others
                 if topic not in self._refused:
                     self._refused.add(topic)
                     self._warn(
@@ -275,16 +278,12 @@ class _AgentInputs:
 
     def __init__(self, session: Session, name: str, timeout: float, take: Take) -> None:
         scenario = session.scenario
-        self._session, self._name, self._timeout, self._take = (
-            session,
-            name,
-            timeout,
-            take,
-        )
-        self._of, self._vehicle = (
-            prefix_of(scenario, name),
-            scenario.agents[name].plant.vehicle,
-        )
+        self._session = session
+        self._name = name
+        self._timeout = timeout
+        self._take = take
+        self._of = prefix_of(scenario, name)
+        self._vehicle = scenario.agents[name].plant.vehicle
         self._commands = (
             [f"{namespace_of(scenario.agents, name)}{COMMAND}"]
             if scenario.autopilot is None
@@ -315,15 +314,15 @@ class _AgentInputs:
             self._take(topic, NUMBERS, self._use_command)
         return (
             self._command
+            # times of flight are sums of periods: the last one counts in spite of
+            # rounding
             if self._session.time - self._received < self._timeout - 1e-9
             else None
         )
 
     def _use_command(self, message: Content) -> None:
-        self._command, self._received = (
-            command_of(message["data"], self._vehicle),
-            self._session.time,
-        )
+        self._command = command_of(message["data"], self._vehicle)
+        self._received = self._session.time
 
     def take_goals(self) -> bool:
         """Redirect the reference to the newest received goals, at most five times a
@@ -342,7 +341,8 @@ class _AgentInputs:
             return False
         changes = changes_to(self._reference, session.time, self._goal)
         session.change({f"{self._of}{path}": value for path, value in changes.items()})
-        self._goal, self._last_goal = {}, session.time
+        self._goal = {}
+        self._last_goal = session.time
         return True
 
     @property

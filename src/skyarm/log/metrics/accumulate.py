@@ -55,6 +55,7 @@ def roll_and_pitch(q: Quaternion) -> tuple[Scalar, Scalar]:
     """ZYX roll and pitch of a unit quaternion, rad."""
     w, x, y, z = q
     roll = atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    # rounding may pass the pole by 1e-16, where asin has no value
     return roll, asin(clip(2.0 * (w * y - z * x), -1.0, 1.0))
 
 
@@ -62,6 +63,7 @@ def tilt(q: Quaternion) -> Scalar:
     """Tilt (rad) of the body's z axis against the vertical, from a unit quaternion;
     accurate near zero.
     """
+    # from the sine of the half angle: acos loses half the digits near zero
     return 2.0 * asin(minimum(sqrt(q.x * q.x + q.y * q.y), 1.0))
 
 
@@ -89,6 +91,7 @@ def _limited_rotors(now: MetricInstant) -> Scalar:
     limited: Scalar = 0.0
     ranges = now.limits.rotor_ranges(now.part("battery_voltage"))
     for speed, (least, highest) in zip(now.command.rotor_speeds, ranges, strict=True):
+        # a reversible rotor's least speed is negative, and rest is the least of others
         stopped = speed <= (1.0 - ROUNDING) * least
         limited = where(
             stopped, 1.0, where(speed >= (1.0 - ROUNDING) * highest, 1.0, limited)
@@ -151,6 +154,7 @@ metrics."""
 ADDED = "added"
 
 STARTS = {
+    # values that any first number replaces; the signed peak begins at 0
     "sum": 0.0,
     "square": 0.0,
     "max": -HUGE,
@@ -182,6 +186,7 @@ def added_metric(name: str) -> Metric:
     if name in interaction.TOTALS:
         return interaction.TOTALS[name]
     kind = find("metric", name)
+    # a function may make the metric, so only a class is looked at
     refuse_mistake(
         class_mistake(kind) if isinstance(kind, type) else None, "metric", name
     )
@@ -224,6 +229,8 @@ def added_numbers(name: str, method: str, result: Tree, like: Tree = None) -> Tr
         f"{place_of(getattr(type(added_metric(name)), method))}: metric {name!r}:"
         f" {method}"
     )
+    # the user's code is looked at each time, because its result may differ between
+    # instants
     for path, each in named_parts(result, at):
         if getattr(coerce.number(path, each), "ndim", 0):
             coerce.refuse(path, each, "must be a number")
@@ -247,6 +254,7 @@ def advance_totals(
         now: control instant.
         inside: window -> whether the instant counts for it, a condition.
     """
+    # each quantity once, also where several totals count it
     amounts = {
         name: quantity(name, now)
         for name in dict.fromkeys(name for kind, _, name in counted if kind != ADDED)
@@ -265,6 +273,7 @@ def advance_totals(
                     total, iter([where(inside[window], new, old) for new, old in pairs])
                 )
             )
+        # a flight without contact has no such quantity
         elif (amount := amounts[name]) is None:
             following.append(total)
         else:
@@ -285,4 +294,5 @@ def _with_one_more(kind: str, total: Scalar, value: Scalar) -> Scalar:
         return maximum(value, total)
     if kind == "min":
         return minimum(value, total)
+    # peak: the value of the largest size, with its sign
     return where(absolute(value) > absolute(total), value, total)

@@ -95,6 +95,7 @@ class PushTotals(Metric):
         desired, normal = now.push[0], now.push[2:5]
         force = reduce(add, forces)
         asked, touches = desired > 0.0, force > 0.0
+        # the first touch of a commanded contact only
         begins = logical_and(logical_and(asked, touches), memory.first >= NOT_YET)
         first = where(begins, now.time, memory.first)
         after = now.time - first
@@ -106,6 +107,7 @@ class PushTotals(Metric):
         error = force - desired
         near_desired = logical_and(settled, absolute(error) <= BAND * desired)
         apart = _tangential_error(now, normal)
+        # after the touch, because before it the tip is on its way
         near = logical_and(asked, after >= 0.0)
         return PushMemory(
             first=first,
@@ -171,6 +173,7 @@ class GripTotals(Metric):
         instant.
         """
         hinge, turned_to = now.part("mechanism_hinge"), now.part("mechanism_position")
+        # a push of six numbers has no axis to turn about
         if not hinge or not now.part("gripper_pull") or len(now.push) <= 6:
             return memory
         taken, pull = now.part("gripper_taken")[0], now.part("gripper_pull")[:3]
@@ -180,6 +183,7 @@ class GripTotals(Metric):
         holds = logical_and(taken > 0.5, now.push[5] > 0.5)
         pivot, about = Vec3(*now.push[6:9]), Vec3(*now.push[9:12])
         arm = now.held.tool - pivot
+        # only the part across the axis turns
         arm = arm - about * about.dot(arm)
         begins = logical_and(holds, memory.begun < 0.5)
         first = Vec3(
@@ -191,9 +195,11 @@ class GripTotals(Metric):
         turned = where(begins, turned_to[0], memory.turned)
         turn = atan2(about.dot(first.cross(arm)), first.dot(arm))
         # about the handle's own axis, and a whole turn more or less is none
+        # the reference's axis may point against the hinge's
         behind = where(about.dot(axis) < 0.0, -1.0, 1.0) * turn - (
             turned_to[0] - turned
         )
+        # wrapped to half a turn
         behind = absolute(atan2(sin(behind), cos(behind)))
         return GripMemory(
             held=memory.held + where(holds, 1.0, 0.0),
@@ -330,6 +336,7 @@ def _share(total: Scalar, count: Scalar) -> AnyArray:
     """Divide a sum by a count; NaN for a count of zero."""
     return np.where(
         np.asarray(count) > 0,
+        # at least 1, so that zero counts divide without a warning
         np.asarray(total) / np.maximum(np.asarray(count), 1),
         np.nan,
     )
@@ -339,6 +346,7 @@ def _ripple(memory: PushMemory) -> AnyArray:
     """RMS deviation of the contact force from its mean, N."""
     mean = _share(memory.error, memory.count)
     return np.asarray(
+        # rounding can leave the variance below zero
         np.sqrt(np.maximum(_share(memory.square, memory.count) - mean * mean, 0.0))
     )
 

@@ -62,6 +62,7 @@ class ActuatorLimits:
                 (
                     math.inf
                     if setpoint
+                    # 0 marks a passive joint, which has no limit to be at
                     else where(joint.effort_limit > 0.0, joint.effort_limit, math.inf)
                 )
                 for joint, setpoint in joints

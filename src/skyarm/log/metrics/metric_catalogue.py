@@ -59,6 +59,7 @@ def _or_nan(_n: Array, _dt: float, total: Array) -> AnyArray:
     """Extreme or last value of a quantity over each flight; NaN if the flight lacks the
     quantity.
     """
+    # a total that no instant has reached still has its start value
     return np.where(np.abs(total) < HUGE, total, np.nan)
 
 
@@ -129,6 +130,7 @@ INTERACTION = {
         unit,
     )
     for name, (totals, value, words, unit) in TOTALED.items()
+    # value=value binds each row's function, which a closure over the loop would not
 } | {name: _measure(form, "whole", *rest) for name, (form, *rest) in COUNTED.items()}
 """Metrics of contact with the world, which a flight without contact lacks."""
 
@@ -141,23 +143,22 @@ TEAMS = _rows("teams")
 REFERRED = TRACKING | GUST | PAPER
 
 STANDARD = (
-    *(
-        "position_error_mean",
-        "position_error_max",
-        "position_min",
-        "joint_error_mean",
-        "joint_error_max",
-    ),
-    *(
-        "ee_error_mean",
-        "ee_error_max",
-        "pitch_mean",
-        "pitch_rms",
-        "pitch_ripple",
-        "roll_rms",
-        "peak_pitch",
-    ),
-    *("peak_position", "iae_position", "iae_joint", "efforts"),
+    "position_error_mean",
+    "position_error_max",
+    "position_min",
+    "joint_error_mean",
+    "joint_error_max",
+    "ee_error_mean",
+    "ee_error_max",
+    "pitch_mean",
+    "pitch_rms",
+    "pitch_ripple",
+    "roll_rms",
+    "peak_pitch",
+    "peak_position",
+    "iae_position",
+    "iae_joint",
+    "efforts",
 )
 
 EFFORTS = "efforts"
@@ -175,15 +176,13 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     ),
     "paper": (*PAPER, "hover_offset"),
     "effort": (
-        *(
-            "efforts",
-            "rotor_jitter",
-            "rotor_saturation",
-            "joint_saturation",
-            "rate_rms",
-            "tilt_rms",
-            "tilt_max",
-        ),
+        "efforts",
+        "rotor_jitter",
+        "rotor_saturation",
+        "joint_saturation",
+        "rate_rms",
+        "tilt_rms",
+        "tilt_max",
         "altitude_error_max",
     ),
     "contact": tuple(INTERACTION),
@@ -226,6 +225,7 @@ def measures(joints: int) -> dict[str, Measure]:
 def _registered_measure(name: str) -> Measure:
     """Make the definition of a registered metric, shipped or a user's."""
     metric = added_metric(name)
+    # a registered metric keeps a memory of its own, which is one total
     totals, window = ((ADDED, metric.window, name),), metric.window
     return Measure(
         totals,
@@ -243,6 +243,7 @@ def _result(
     type.
     """
     value = np.asarray(metric.result(memory, instants, period))
+    # one number for all flights, or one for each
     if value.dtype.kind not in "biuf" or value.shape not in ((), np.shape(instants)):
         coerce.refuse(
             f"{place_of(type(metric).result)}: metric {name!r}: result",
@@ -289,12 +290,10 @@ def metric_names(
                 name for name in _written_out(word, joints) if name not in without
             ]
         elif group in GROUPS:
-            listed = [
-                name
-                for one in GROUPS[group]
-                for name in _written_out(one, joints)
-                if name not in without
-            ]
+            listed = list[str]()
+            for one in GROUPS[group]:
+                listed += _written_out(one, joints)
+            listed = [name for name in listed if name not in without]
             twins = [f"{name}{CONTINUOUS}" for name in listed if name in REFERRED]
             expanded += listed if group == word else twins
         else:
@@ -307,6 +306,7 @@ def metric_names(
                 f"metrics: {shown(word)}: {meant}must be one of {allowed}; with"
                 f" {CONTINUOUS} its twin"
             )
+    # each once, in the order of the request
     return tuple(dict.fromkeys(expanded))
 
 
@@ -338,6 +338,7 @@ def names_by_agent(
     Raises:
         ValueError: as :func:`metric_names`, or another vehicle's name.
     """
+    # results of one vehicle have the metrics' own names, in rows and files alike
     if len(setpoints) == 1:
         return {
             name: {each: each for each in metric_names(words, len(own), own)}
@@ -352,6 +353,7 @@ def names_by_agent(
                 f" {must_be_one_of(setpoints, agent)}"
             )
     listed: dict[str, dict[str, str]] = {name: {} for name in setpoints}
+    # what belongs to the world is counted with the first vehicle
     world = next(iter(listed.values()))
     for name, own in setpoints.items():
         of_it = [
@@ -419,12 +421,14 @@ def values(
         joints: number of joints of the arm.
         period: control period, s.
     """
-    every, results = measures(joints), {}
+    every = measures(joints)
+    results = {}
     with np.errstate(all="ignore"):
         for name in names:
             each = every[name]
             n = instants[each.window]
             value = each.value(n, period, *(totals[total] for total in each.totals))
+            # over no instant an integral is zero, a mean has no value
             empty = 0.0 if each.window == "whole" and name.startswith("iae") else np.nan
             results[name] = np.where(n > 0, value, empty)
     return results

@@ -34,8 +34,10 @@ def path_distance(points: Array, path: Array) -> Array:
     begin, along = path[:-1], np.diff(path, axis=0)
     square = (along * along).sum(axis=1)
     distances = np.empty(len(points))
+    # in blocks: all distances at once would take points times path of memory
     for start in range(0, len(points), AT_ONCE):
         off = points[start : start + AT_ONCE, None] - begin
+        # the nearest point of a segment lies between its ends
         share = np.clip((off * along).sum(axis=2) / square, 0.0, 1.0)
         left = off - share[..., None] * along
         distances[start : start + AT_ONCE] = np.sqrt(

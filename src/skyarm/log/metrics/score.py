@@ -140,8 +140,10 @@ def _make_counter(
         return advance_totals(before, counted, now, inside), ()
 
     loop = trace_loop(step, totals, (), (instant, (0.0,) * len(used)))
+    # a user's own metric may have changed between two calls, so its counter is not kept
     try:
         kernel = Kernel(loop, Lanes(1), effort=0)
+    # without machine code the same loop runs in Python floats
     except NoMachineCodeError:
         count = loop.stepper()
         return lambda start, rows: reduce(
@@ -175,6 +177,7 @@ def settling_time(log: Log, steady: Window, *, continuous: bool = False) -> floa
     if not values.size:
         return float("nan")
     outside = np.flatnonzero(np.abs(error - values.mean()) > SETTLING_BAND)
+    # the first instant after the last one outside
     after = int(outside[-1]) + 1 if outside.size else 0
     return float(log.time[after]) if after < log.time.size else float("nan")
 
@@ -219,6 +222,7 @@ def _instants(log: Log, *, whole: bool = False) -> MetricInstant:
         tilts=rows(log.tilts),
     )
     parts = _parts(log) if whole else ()
+    # at the first instant nothing has changed yet
     before = np.vstack([log.rotor_commands[:1], log.rotor_commands[:-1]])
     return MetricInstant(
         state=state,
@@ -262,6 +266,7 @@ def _parts(log: Log) -> tuple[tuple[str, tuple[Array, ...]], ...]:
         for name, each in log.received.items()
         if name.startswith(COMPONENTS)
     )
+    # a log without its scenario knows neither constants nor whose columns are whose
     if not arrays or not log.info.get("scenario_record"):
         return arrays
     scenario = log.scenario
@@ -292,6 +297,7 @@ def wanted_push(log: Log) -> tuple[Array, ...]:
     )
     if push is None:
         return ()
+    # the push is planned over the time of the path
     times = log.path_time if log.path_time.size else log.time
     program = trace(lambda t: tuple(push.at(t)), 0.0)
     return tuple(evaluate(program, [times], log.time.size))

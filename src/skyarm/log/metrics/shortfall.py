@@ -143,22 +143,24 @@ def _saturation(log: Log) -> Saturation | None:
     """Saturation of the actuators; None if no command reached a limit or the log has no
     vehicle.
     """
-    beyond, limited = (
-        np.zeros(log.time.size, dtype=bool),
-        list[tuple[float, str, float, float, str]](),
-    )
+    beyond = np.zeros(log.time.size, dtype=bool)
+    limited = list[tuple[float, str, float, float, str]]()
     for actuator, unit, sent, low, high in _actuator_limits(log):
         at_limit = _cut(sent - high, high, unit) | _cut(low - sent, low, unit)
         beyond |= at_limit
+        # a command that is not a number is beyond every limit
         over = np.where(np.isfinite(sent), np.maximum(sent - high, low - sent), np.inf)
         worst = int(np.argmax(np.where(at_limit, over, -np.inf)))
         lowest, highest = (
             float(np.broadcast_to(each, sent.shape)[worst]) for each in (low, high)
         )
+        # the side on which the command is furthest out
         limit = lowest if lowest - sent[worst] > sent[worst] - highest else highest
         if at_limit.any():
             limited.append(
                 (
+                    # relative to the limit, so that speeds and torques can be compared;
+                    # 1 at a limit of zero
                     over[worst] / (abs(limit) or 1.0),
                     actuator,
                     float(sent[worst]),
@@ -234,6 +236,8 @@ def _missed_motion(log: Log, pushing: Array) -> Iterator[Unreached]:
     the law got.
     """
     duration, end = float(log.info["duration"]), float(log.time[-1])
+    # the last seconds before the planned end; of a flight that ended early its last
+    # instant
     start = min(duration - Windows().of_flight(duration, windows_of(log)).last, end)
     first = int(np.searchsorted(log.time, start))
     tail, free = rows_of(log, slice(first, None)), ~pushing[first:]
@@ -250,6 +254,7 @@ def _missed_motion(log: Log, pushing: Array) -> Iterator[Unreached]:
         error = float(errors.mean()) if errors.size else 0.0
         if not error <= LARGEST_ERROR:
             missed[what] = f"reference of the {body}, {error:.3g} m"
+    # wrapped, because a heading of 359 degrees is one degree off
     off = tail.euler[:, 2] - tail.yaw_held
     turn = float(np.abs(np.arctan2(np.sin(off), np.cos(off))).mean())
     if not turn <= LARGEST_TURN:
@@ -283,6 +288,7 @@ def _missed_forces(log: Log, desired: Array) -> Iterator[Unreached]:
     force = _force_at_tip(log)
     for first, after in runs_of(desired > 0.0):
         most, aim = float(force[first:after].max()), float(desired[first:after].max())
+        # as in the metric contact_held, so that both say the same of a force
         if most < (1.0 - BAND) * aim:
             start, stop = float(log.time[first]), float(log.time[after - 1])
             words = (

@@ -5,7 +5,7 @@ settling time.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
@@ -153,12 +153,10 @@ class Windows:
         )
         # the last that states a window has it
         ranked = (general, own or self, self)
-        chosen = {
-            name: each
-            for one in ranked
-            for name, each in parts(one.within(duration)).items()
-            if each is not None
-        }
+        chosen = dict[str, Any]()
+        for one in ranked:
+            stated = parts(one.within(duration)).items()
+            chosen |= {name: each for name, each in stated if each is not None}
         return FlightWindows(duration=duration, **chosen)
 
     def within(self, duration: float) -> Windows:
@@ -181,6 +179,7 @@ class Windows:
             ValueError: one line.
         """
         for name, (end, words) in self._ends().items():
+            # the default of last is no request of the user
             if end > duration and (name, end) != ("last", LAST):
                 raise ValueError(
                     f"windows.{name} = {words}: must end within the flight of"

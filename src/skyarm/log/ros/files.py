@@ -116,9 +116,11 @@ def _messages(topics: FlightTopics, log: Log) -> Iterator[tuple[int, Topic, byte
     """Yield time (ns), topic and bytes of every ROS message of a log, ordered by
     time.
     """
+    # pieces begin at whole periods, so that the pattern of topics is the same in each
     length = topics.period * max(1, PIECE // topics.period)
     for begin in range(0, log.time.size, length):
-        piece, rows = rows_of(log, slice(begin, begin + length)), []
+        piece = rows_of(log, slice(begin, begin + length))
+        rows = []
         for order, topic in enumerate(topics.topics):
             if topic.every or not begin:
                 stamps, data = topics.encode(topic, piece)
@@ -126,5 +128,6 @@ def _messages(topics: FlightTopics, log: Log) -> Iterator[tuple[int, Topic, byte
                     (t, order, row.tobytes())
                     for t, row in zip(stamps.tolist(), data, strict=True)
                 ]
+        # by time, then by the order of the topics; bytes are not compared
         rows.sort(key=lambda row: row[:2])
         yield from ((t, topics.topics[order], data) for t, order, data in rows)

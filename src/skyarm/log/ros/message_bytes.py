@@ -105,6 +105,7 @@ class Template:
         elif kind in LETTERS:
             self._numbers_at(LETTERS[kind], 0 if value is None else value)
         elif kind == TIME and value is not None:
+            # seconds and nanoseconds; floor and remainder agree also before 1970
             self._numbers_at("i", np.asarray(value) // NANO)
             self._numbers_at("I", np.asarray(value) % NANO)
         else:
@@ -126,6 +127,7 @@ class Template:
         gap to fill in each message.
         """
         array = np.asarray(value).astype(f"<{letter}", copy=False)
+        # padding counts from behind the header
         self._bytes += bytes(-(len(self._bytes) - len(HEADER)) % array.itemsize)
         if array.ndim == int(row):
             self._bytes += array.tobytes()
@@ -214,6 +216,7 @@ class Decoder:
 
     def _numbers(self, letter: str, count: int) -> tuple[int | float, ...]:
         size = struct.calcsize(f"<{letter}")
+        # a list of no items has no padding either
         if count:
             self._at += -(self._at - len(HEADER)) % size
         return struct.unpack(f"{self._order}{count}{letter}", self._bytes(size * count))

@@ -61,6 +61,7 @@ class LogSection:
         stamps = (
             self.stamps
             if time is None
+            # a reading that has not come has no time; its stamp is zero
             else nanoseconds(np.nan_to_num(time)) + self._epoch
         )
         return {"stamp": stamps, "frame_id": frame}
@@ -89,6 +90,7 @@ class Frames:
             f"rotor_{rotor.name.removeprefix('rotor').lstrip('_') or rotor.name}"
             for rotor in vehicle.rotors
         ]
+        # the three reserved names stay out of the vehicle's
         every = distinct([WORLD, BASE_LINK, BASE_REFERENCE, *links, *named, *rotors])[
             3:
         ]

@@ -126,6 +126,7 @@ class FlightTopics:
                 first instant.
             log: the part, which begins at a multiple of :attr:`period`.
         """
+        # a topic without a rate is written once, at the first instant
         chosen = slice(topic.offset, None, topic.every) if topic.every else slice(0, 1)
         part = LogSection(log, chosen, epoch=self._epoch)
         with np.errstate(all="ignore"):
@@ -171,6 +172,8 @@ def topics_of_all(topics: Mapping[str, Iterable[Topic]]) -> Iterator[Topic]:
     several begin with its name.
     """
     for agent, own in topics.items():
+        # one vehicle has the usual names of ROS without a namespace, as viewers expect
+        # them
         yield from (_of_agent(each, agent) for each in own) if len(topics) > 1 else own
 
 
@@ -178,6 +181,7 @@ def namespace_of(agents: Collection[str], agent: str) -> str:
     """Beginning of the names of a vehicle's topics, given all vehicles; empty for the
     only one.
     """
+    # programs of ROS expect the topics of a single vehicle without a namespace
     return f"/{agent}" if len(agents) > 1 else ""
 
 
@@ -227,6 +231,7 @@ def _reference(part: LogSection) -> Values:
 
 def vehicle_of(log: Log) -> Vehicle | None:
     """Vehicle of a log's plant; None if it cannot be restored."""
+    # a vehicle of another size than the arrays belongs to a damaged log
     vehicle = restored_at(log.info, "plant.vehicle")
     shape = log.joints.shape[1], log.rotor_speeds.shape[1]
     return (
@@ -242,6 +247,7 @@ def every_of(log: Log) -> tuple[int, int]:
     """
     rate = float(log.info["rates_hz"]["control"])
     fast = max(1, round(rate / FAST))
+    # slow topics at a multiple of the fast ones, so that both meet
     return fast, fast * max(1, round(rate / fast / SLOW))
 
 
@@ -252,6 +258,7 @@ def period_of(log: Log) -> int:
     sensors = (
         each for own in log.agents.values() for each in sources_of(own.info).values()
     )
+    # after the common multiple every topic is due again
     return math.lcm(every_of(log)[1], *(each.every for each in sensors))
 
 
@@ -278,10 +285,8 @@ def _transforms(
     topics = [Topic("/tf", "tf2_msgs/TFMessage", every, moving)]
     if frames is None or vehicle is None:
         return topics
-    fixed, drawn = (
-        {"transforms": [*frames.fixed_transforms(), *mounts]},
-        {"markers": markers(vehicle, frames)},
-    )
+    fixed = {"transforms": [*frames.fixed_transforms(), *mounts]}
+    drawn = {"markers": markers(vehicle, frames)}
     return [
         Topic("/tf_static", "tf2_msgs/TFMessage", 0, lambda _: fixed),
         Topic("/vehicle", MARKERS, 0, lambda _: drawn),
@@ -455,6 +460,7 @@ def _reading(
     kind = next(
         (kind for kind, (_, fitting, _) in MESSAGES.items() if fitting == sizes), OWN
     )
+    # joints come in any number, so their message fits by the number of the vehicle
     if sizes == {"joints": len(names.joints), "joint_rates": len(names.joints)}:
         kind = JOINTS
     elif sizes.items() >= BASE_SIZES.items():
@@ -469,10 +475,8 @@ def _reading(
         JOINTS: {"name": names.joints},
         OWN: {"name": endings},
     }
-    time, arrays = (
-        f"{source}.time" if stamped else "",
-        {field: f"{source}.{field}" for field in sizes},
-    )
+    time = f"{source}.time" if stamped else ""
+    arrays = {field: f"{source}.{field}" for field in sizes}
     frame = described.frame if described.mount is None else mount_frame(source)
     return _topic(
         topic,

@@ -70,6 +70,8 @@ def earlier_kept(
             for file, free in zip(files, free_names(files), strict=True)
             if file in there
         }
+        # also for an interrupt: the plain name must not be lost to a half-written
+        # flight
         try:
             yield list(renamed.values())
         except BaseException:
@@ -106,7 +108,10 @@ def free_names(files: Sequence[Path], least: int = 1) -> list[Path]:
         for k in count(least)
     )
     return next(
-        names for names in every if not any(map(os.path.lexists, {*names} - {*files}))
+        # a name among the files themselves is free, because that file is about to move
+        names
+        for names in every
+        if not any(map(os.path.lexists, {*names} - {*files}))
     )
 
 

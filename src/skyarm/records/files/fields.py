@@ -63,6 +63,8 @@ class Fields:
         near = next(
             (
                 word
+                # compared the other way round: the misspelt key is in the table, the
+                # right one is asked for
                 for word in islice(other, MOST_COMPARED)
                 if did_you_mean(word, [name])
             ),
@@ -201,6 +203,7 @@ def filled_list(value: object, at: str, allowed: str, count: int = 0) -> list[An
     """Check that a value is a list that is not empty, and of ``count`` entries if that
     is given.
     """
+    # count 0 compares the length with itself
     if not isinstance(value, list) or not value or len(value) != (count or len(value)):
         raise ValueError(f"{at} = {shown(value)}: must be {allowed}")
     return value

@@ -38,6 +38,8 @@ def one_line(text: str) -> str:
     line = printable(" ".join(text.split()))
     if len(line) <= LONGEST_LINE:
         return line
+    # the middle is left out: the beginning names the field, the end says what is
+    # allowed
     return f"{line[: LONGEST_LINE // 2]} ... {line[-LONGEST_LINE // 2 + 5 :]}"
 
 
@@ -90,6 +92,7 @@ def did_you_mean(word: object, known: Iterable[str]) -> str:
     names = [name for name in known if name != word]
     near = difflib.get_close_matches(word, names, n=1, cutoff=LIKE)
     if not near:
+        # a second try in lower case, because difflib counts case as a difference
         lower = {name.lower(): name for name in names}
         near = [
             lower[each]

@@ -24,6 +24,7 @@ from skyarm.records.files.toml import Entry, read_toml
 from skyarm.records.files.writing import output_file
 
 NO_FILE = "no such file"
+# a path through a file, or a ring of links, is no file either
 NOT_THERE = (errno.ENOENT, errno.ENOTDIR, errno.ELOOP)
 """Error numbers of a file that does not exist, in contrast to one that cannot be
 read."""
@@ -54,6 +55,7 @@ def unreadable(path: Path) -> str:
         return NO_FILE
     if stat.S_ISDIR(status.st_mode):
         return "is a folder"
+    # sockets and devices cannot be read as files; reading a pipe would wait for ever
     if not stat.S_ISREG(status.st_mode):
         return NO_FILE
     note_input(path)
@@ -157,6 +159,8 @@ def kind_of(document: Mapping[str, object]) -> str:
     """Kind of a TOML file, a key of ``READS``, by its tables; empty if they fit no
     kind.
     """
+    # in this order, because a study also holds a scenario's keys and a suite those of
+    # both
     if "suite" in document:
         return "suite"
     if "scenario" in document and (
@@ -218,10 +222,8 @@ def read_named(
         ValueError: one line that begins with the kind, or with the file.
     """
     names, path = names_in(library), Path(text)
-    field, plural = (
-        f"{kind} = {shown(text)}",
-        ("studies" if kind == "study" else f"{kind}s"),
-    )
+    field = f"{kind} = {shown(text)}"
+    plural = "studies" if kind == "study" else f"{kind}s"
     shipped = f"shipped {plural} are {', '.join(names)}"
     if text in names:
         content, folder = (library / f"{text}.toml").read_bytes(), Path()
@@ -234,6 +236,7 @@ def read_named(
     elif reason := unreadable(path):
         raise ValueError(f"{field}: {reason}; {shipped}")
     else:
+        # readable when it was looked at, and gone or closed since
         try:
             content, folder = path.read_bytes(), path.parent
         except OSError as error:

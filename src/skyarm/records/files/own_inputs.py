@@ -45,6 +45,7 @@ def stamp_of(path: PathLike) -> tuple[int, ...]:
     """
     try:
         status = os.stat(path)
+    # a NUL in a path is a ValueError
     except (OSError, ValueError):  # not there yet, or never
         return ()
     return status.st_dev, status.st_ino, status.st_mtime_ns, status.st_size

@@ -42,7 +42,8 @@ def installed_versions(
         packages: names in lower case, with hyphens.
         path: folders in the order of import; ``sys.path`` if left out.
     """
-    names, versions = set(packages), dict[str, str]()
+    names = set(packages)
+    versions = dict[str, str]()
     for folder in sys.path if path is None else path:
         here: dict[str, str] = {}
         for entry in _entries(folder):
@@ -64,6 +65,7 @@ def may_extend(group: str) -> bool:
     entry point of a group.
     """
     for folder in sys.path:
+        # a zip file cannot be searched cheaply, so it counts as one that extends
         if os.path.isfile(folder):
             return True
         for entry in _entries(folder):

@@ -18,6 +18,7 @@ WITH_OWNERS = hasattr(os, "geteuid")
 OTHERS, OTHERS_WRITE = 0o077, 0o022
 """Permission bits of group and others: all of them, and those for writing."""
 
+# no link is followed, and a pipe does not block
 _READ = os.O_RDONLY | sum(
     getattr(os, name, 0)
     for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC", "O_BINARY")
@@ -59,10 +60,12 @@ def private_folder(folder: Path, ours: Callable[[str], bool]) -> str:
         return ""
     if status.st_uid != os.geteuid():
         return "it belongs to another user"
+    # another user could redirect the link later; root's links are the system's
     if folder.lstat().st_uid not in (os.geteuid(), 0):
         return "it is a link of another user"
     if not status.st_mode & OTHERS:
         return ""
+    # nobody else's files lose rights by it
     if all(ours(each.name) for each in folder.iterdir()):
         with suppress(OSError):
             folder.chmod(0o700)
@@ -119,6 +122,7 @@ def write_private(file: Path, content: bytes, *, replace: bool = True) -> None:
     Raises:
         OSError: it cannot be written.
     """
+    # random, so that no other user can lay a file or a link at that name beforehand
     temporary = file.with_name(f".{file.name}.{os.urandom(6).hex()}.part")
     try:
         with os.fdopen(os.open(temporary, _NEW, 0o600), "wb") as stream:
@@ -138,6 +142,7 @@ def _link(temporary: Path, file: Path) -> None:
     """
     with suppress(FileExistsError):
         try:
+            # linking fails if the name exists, which a rename does not
             os.link(temporary, file)
         except FileExistsError:
             raise

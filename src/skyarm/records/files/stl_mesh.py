@@ -82,6 +82,7 @@ def read_corners(path: PathLike, scale: Scale = METRES) -> Array:
             " the origin"
         )
     points = corners.reshape(-1, 3)
+    # relative to the largest, since rounding of float32 grows with the distance
     thinnest = max(1e-6 * largest, THINNEST) * math.sqrt(len(points))
     if np.linalg.matrix_rank(points - points.mean(axis=0), tol=thinnest) < 3:
         raise ValueError("has all of its vertices in one plane: must have a volume")
@@ -113,6 +114,7 @@ def _is_binary(content: bytes) -> bool:
     """True for a binary STL file, recognized by its length: its header may begin with
     "solid", as text does.
     """
+    # a binary file states its count, which must fit its length
     if len(content) < HEADER:
         return False
     count = int.from_bytes(content[HEADER - 4 : HEADER], "little")

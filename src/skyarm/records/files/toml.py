@@ -61,6 +61,7 @@ def read_toml(content: bytes) -> dict[str, Entry]:
             f"byte {error.start} = {error.object[error.start]:#04x}: must be UTF-8 text"
         ) from None
     deep = f"TOML = tables in tables: must be nested at most {DEEPEST} deep"
+    # before the parser, whose time grows with the square of the parts
     if _CHAIN.search(text):
         raise ValueError(deep)
     if (keys := len(_KEY.findall(text))) > MOST_KEYS:
@@ -92,6 +93,7 @@ def _require_bounded(document: dict[str, Entry], deep: str) -> None:
     """Raise an error for tables nested too deeply and for integers too large for any
     field.
     """
+    # a list of what is left to do, because recursion has a limit of its own
     waiting: list[tuple[dict[str, Entry] | list[Entry], str, int]] = [(document, "", 1)]
     while waiting:
         value, at, depth = waiting.pop()
@@ -139,6 +141,7 @@ def toml_value(value: object) -> str:
         return str(int(value))
     if isinstance(value, float):
         # the shortest text that reads back as this number
+        # TOML writes inf and nan in these letters, too
         return repr(float(value)) if math.isfinite(value) else str(float(value))
     if isinstance(value, str):
         return f'"{"".join(map(_character, value))}"'

@@ -33,6 +33,7 @@ def require_size(unpacked: float, content: bytes) -> None:
     Raises:
         TooLargeError: one line, without the file's name.
     """
+    # arrays of zeros shrink without bound, hence a limit by size first
     most = max(LARGEST, RATIO * len(content))
     if not unpacked <= most:
         raise TooLargeError(

@@ -62,6 +62,7 @@ def own_code(thing: object, depth: int = DEPTH) -> types.CodeType | None:
     """
     if depth == 0:
         return None
+    # a partial function is the user's as soon as one of its parts is
     if isinstance(thing, functools.partial):
         parts = (thing.func, *thing.args, *thing.keywords.values())
         return next(
@@ -73,6 +74,7 @@ def own_code(thing: object, depth: int = DEPTH) -> types.CodeType | None:
             None,
         )
     thing = getattr(thing, "__func__", thing)
+    # decorators of the library keep the user's function inside
     if not hasattr(thing, "__code__") and hasattr(thing, "__wrapped__"):
         return own_code(thing.__wrapped__, depth - 1)
     code = getattr(thing, "__code__", None)
@@ -80,6 +82,8 @@ def own_code(thing: object, depth: int = DEPTH) -> types.CodeType | None:
         return _code_of_class(thing if isinstance(thing, type) else type(thing))
     if is_own(code, str(getattr(thing, "__module__", ""))):
         return code
+    # a closure of the library may hold a function of the user, as a preset with a
+    # user's gain does
     for inner in closed_over(thing):
         if callable(inner) and (inner_code := own_code(inner, depth - 1)) is not None:
             return inner_code
@@ -111,6 +115,7 @@ def _code_of_class(kind: type) -> types.CodeType | None:
     """Code object of the first method of a class or its bases that a user wrote; None
     without any.
     """
+    # __call__ first, because it is what a flight calls
     for each in kind.__mro__:
         methods = vars(each)
         for code in codes_of((methods.get("__call__"), *methods.values())):
@@ -206,11 +211,14 @@ def own_failure(error: BaseException) -> str:
     inner: BaseException | None = error
     while inner is not None:
         if not isinstance(inner, (ValueError, OSError, SystemExit)):
+            # an error of another kind is no refusal, so the innermost user line is to
+            # blame
             return failure(inner) if inner is error else ""
         if inner is not error and str(inner) not in str(error):
             return ""
         frames = _frames(inner)
         own = [k for k, frame in enumerate(frames) if frame.own]
+        # raised by the user's own line, not passed through it
         if own and own[-1] == len(frames) - 1:
             checks_record = (
                 inner is not error and frames[own[0]].function == "__post_init__"
@@ -240,6 +248,7 @@ def is_deliberate(error: BaseException) -> bool:
         return True
     file, line = frames[-1].filename, frames[-1].line or ""
     if file.startswith(PACKAGE):
+        # a source that cannot be read has no line, and gets the benefit of the doubt
         return not line or line.startswith("raise")
     return INSTALLED not in file
 
@@ -300,17 +309,23 @@ def first_not_finite(period: Callable[[], object]) -> str:
     # a command begins before it is loaded (own_sources)
     from skyarm.algebra import Vec3
 
-    lines, debugger = list[str](), sys.gettrace()
+    lines = list[str]()
+    debugger = sys.gettrace()
 
     def enter(frame: types.FrameType, _event: str, _value: object) -> Trace | None:
         given = (
             value for name, value in frame.f_locals.items() if name not in CONSTANTS
         )
+        # an argument that is not finite came from the caller, where the first line is
+        # to be found
         if not is_own(frame.f_code, frame.f_globals.get("__name__", "")) or any(
             map(_not_finite, given)
         ):
             return None
-        line, last, begun, first = frame.f_lineno, "", len(lines), dict[str, str]()
+        line = frame.f_lineno
+        last = ""
+        begun = len(lines)
+        first = dict[str, str]()
 
         def step(frame: types.FrameType, event: str, value: Any) -> Trace:
             nonlocal line, last
@@ -326,6 +341,7 @@ def first_not_finite(period: Callable[[], object]) -> str:
                     first.setdefault(kind, f"{place}: {name} is {kind}")
             if event == "exception" and issubclass(value[0], ArithmeticError):
                 lines.append(f"{place}: {value[1]}")
+            # a caught error is no result, and its line must not be blamed
             elif event == "return" and last != "exception":
                 # what was not finite on the way to a finite result is meant
                 del lines[begun:]
@@ -336,6 +352,7 @@ def first_not_finite(period: Callable[[], object]) -> str:
 
         return step
 
+    # the debugger's own function is put back, so that breakpoints still work
     sys.settrace(enter)
     try:
         period()
@@ -425,6 +442,7 @@ def _bytecode_text(code: types.CodeType) -> str:
     )
 
 
+# the order of a set differs from process to process
 def _constant(value: object) -> str:
     return (
         repr(sorted(map(repr, value))) if isinstance(value, frozenset) else repr(value)

@@ -58,6 +58,7 @@ def writing_atomically(path: PathLike, *, entry: bool = True) -> Iterator[IO[byt
         OSError: with one line that names the file.
         ValueError: the running command has read this file.
     """
+    # a command may not destroy what it has just read, under whatever name
     require_no_input(path)
     target = Path(os.path.realpath(path))
     # which say no of a name that is too long
@@ -66,6 +67,7 @@ def writing_atomically(path: PathLike, *, entry: bool = True) -> Iterator[IO[byt
         raise OSError(f"file = {shown(str(path))}: must be writable ({reason})")
     temporary: Path | None = None
     try:
+        # a device cannot be renamed over
         if target.exists() and not target.is_file():
             with target.open("wb") as device:
                 yield device
@@ -104,6 +106,7 @@ def _new_part(target: Path) -> tuple[Path, IO[bytes]]:
     """Create and lock the temporary file of a target, after removing those that killed
     processes left next to it.
     """
+    # once a process: listing a large folder at each file would cost more than writing
     if target.parent not in _cleared:
         _cleared.add(target.parent)
         for path in target.parent.glob(".*.part"):
@@ -122,6 +125,7 @@ def _new_part(target: Path) -> tuple[Path, IO[bytes]]:
             if error.errno not in TAKEN:
                 return path, stream  # no locks here
         else:
+            # the file may have been removed between its making and its lock
             if path.exists():
                 return path, stream
         stream.close()  # another process removed it before the lock
@@ -188,6 +192,8 @@ def require_writable(folder: PathLike) -> Path:
         raise ValueError(f"output folder = {folder!r}: must be the path of a folder")
     target = Path(folder)
     try:
+        # made and removed at once: rights, quotas and read-only disks show only when a
+        # file is made
         target.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=target):
             pass
@@ -246,6 +252,7 @@ def require_new(file: Path, field: str = "file") -> None:
     Raises:
         ValueError: one line.
     """
+    # a dangling link is something that stands there, too
     if os.path.isfile(file) or os.path.islink(file):
         raise ValueError(
             f"{field} = {shown(str(file))}: must not be there yet; --force replaces it"
@@ -351,6 +358,7 @@ def taken_back(*paths: PathLike | None) -> Iterator[None]:
     except Exception:
         # the first that holds a result ends it, and nothing above it is empty
         with suppress(OSError, ValueError):
+            # innermost first, because only empty folders can be removed
             for path in reversed(made):
                 if path.is_dir():
                     path.rmdir()
@@ -361,12 +369,10 @@ def taken_back(*paths: PathLike | None) -> Iterator[None]:
 
 def _with_parents(paths: tuple[PathLike | None, ...]) -> list[Path]:
     """Each path and all its parent folders, parents first, without duplicates."""
-    every = [
-        each
-        for path in paths
-        if path is not None
-        for each in (*reversed(Path(path).parents), Path(path))
-    ]
+    every = list[Path]()
+    for path in paths:
+        if path is not None:
+            every += [*reversed(Path(path).parents), Path(path)]
     return list(dict.fromkeys(every))
 
 
@@ -467,6 +473,7 @@ def _lock_file(path: Path, folder: Path) -> int | None:
             f"folder = {shown(str(folder))}: must be written by one process at a time;"
             f" another one{words} does; wait for its end, or choose another folder"
         ) from None
+    # another process may have removed the file and made a new one between open and lock
     with suppress(FileNotFoundError):
         if os.path.samestat(os.fstat(handle), os.stat(path)):
             return handle

@@ -231,6 +231,7 @@ def class_mistake(kind: type) -> Mistake | None:
         return None
     for name, given in _members(bases):
         member = inspect.getattr_static(kind, name)
+        # what the library itself overrides is right
         if any(member is vars(each).get(name) for each in bases):
             continue
         words: Words | None = None
@@ -329,6 +330,8 @@ def _object_mistake(thing: object, contract: Contract) -> Mistake | None:
     """
     for name, method in contract.methods.items():
         function = getattr(thing, name, None)
+        # a class in place of an object has the functions, too, but they lack their
+        # object
         if isinstance(thing, type) or not callable(function):
             if not method.needed(thing):
                 continue
@@ -371,6 +374,7 @@ def _function_mistake(
     """Reason why an attribute cannot override a method of its base class; None if it
     can.
     """
+    # without self, which a caller does not give
     parameters = list(inspect.signature(given).parameters)[1:]
     function = (
         member.__func__ if isinstance(member, (staticmethod, classmethod)) else member
@@ -407,6 +411,7 @@ def _call_mistake(
     for place, own in enumerate(
         list(signature.parameters)[hidden : hidden + len(parameters)]
     ):
+        # the same names in another order would be bound silently to the wrong values
         if own in parameters and own != parameters[place]:
             return (
                 f"takes {own!r} in {name} where {parameters[place]!r} is given",

@@ -75,6 +75,7 @@ class Plugin:
         """File name and digest of the plugin and of the modules that it imported from
         its folder.
         """
+        # a path relative to the plugin's folder is the same on another machine
         folder = Path(self.name).parent
         beside = [
             (Path(file).relative_to(folder).as_posix(), identity)
@@ -147,6 +148,7 @@ def plugin_of(module: str) -> Plugin | None:
     """
     file = file_of(sys.modules.get(module))
     for key, plugin in _LOADED.items():
+        # by the file, because a module beside the plugin has a name of its own
         if (key in _MODULES and _MODULES[key].__name__ == module) or file in dict(
             plugin.beside
         ):
@@ -192,6 +194,7 @@ def load_plugin(path: str | Path, expected: str | None = None) -> ModuleType:
             for another version of the extension points, fails, or takes a name that is
             taken. Nothing of it stays registered then.
     """
+    # eight digits of the digest, so that two versions of a file are two modules
     name = f"{FILE_MODULE}{Path(path).stem}_{expected[7:15]}" if expected else ""
     if name in _SENT:
         (given, content), key = _SENT[name], str(path)
@@ -203,6 +206,7 @@ def load_plugin(path: str | Path, expected: str | None = None) -> ModuleType:
             raise RegistryError(f"plugin = {shown(str(path))}: {reason}")
         content, key = file.read_bytes(), str(file.resolve())
     identity = identity_of(content)
+    # a worker must fly the same code as the process that sent the work
     if expected is not None and identity != expected:
         raise _change_error(str(path))
     if key in _LOADED:
@@ -212,6 +216,7 @@ def load_plugin(path: str | Path, expected: str | None = None) -> ModuleType:
             if _identity(beside) != first:
                 raise _change_error(str(path), beside)
         return _MODULES[key]
+    # modules that were there before are not of the plugin
     name, before = f"{FILE_MODULE}{file.stem}_{identity[7:15]}", set(sys.modules)
     try:
         module = _run(name, file, content)
@@ -263,6 +268,7 @@ def _run(name: str, file: Path, content: bytes) -> ModuleType:
     if spec is None:
         raise RegistryError(f"plugin = {shown(str(file))}: must be a .py file")
     module = module_from_spec(spec)
+    # registered before it runs, as an import does: dataclasses look their module up
     sys.modules[name] = module
     try:
         with registering_for(str(file)):
@@ -273,6 +279,7 @@ def _run(name: str, file: Path, content: bytes) -> ModuleType:
     except RegistryError:
         sys.modules.pop(name, None)
         raise
+    # a plugin may call sys.exit, which must not end the command in silence
     except (Exception, SystemExit) as error:
         sys.modules.pop(name, None)
         raise RegistryError(
@@ -408,6 +415,7 @@ def load_installed() -> None:
             with registering_for(f"{name} {version}"):
                 _require_version(entry.load(), name)
                 _require_right(f"{name} {version}")
+        # an installed package that is broken must not keep the library from running
         except (Exception, SystemExit) as error:
             warnings.warn(
                 f"plugin {name} {version} is left out: {_words(error)}",
@@ -431,6 +439,7 @@ def sources_of_plugins() -> Sources:
         for name, source in _SOURCES.get(key, {}).items()
     }
     folders = {Path(key).parent for key in _LOADED if key in _SOURCES}
+    # a copy of the table of modules, which an import in another thread may change
     for name, file in (
         (name, file_of(module)) for name, module in [*sys.modules.items()] if folders
     ):
@@ -459,6 +468,8 @@ def load_again(
         RegistryError: one is missing here or is not the same.
     """
     _SENT.update(sources or {})
+    # first, so that a file of the same name here is not imported in place of what was
+    # sent
     if _SENT and _FINDER not in sys.meta_path:
         sys.meta_path.insert(0, _FINDER)
     here = {plugin.name: plugin.identity for plugin in loaded_plugins()}
@@ -516,6 +527,8 @@ def _module(module: str, name: str, plugins: Mapping[str, str]) -> ModuleType:
         return loaded[module]
     _require_plugin(module, plugins)
     if (
+        # a module of a package that registers was trusted already; any other stays
+        # unimported
         module in sys.modules
         and module.split(".", maxsplit=1)[0] in _registered_packages()
     ):
@@ -551,12 +564,10 @@ def _require_plugin(module: str, plugins: Mapping[str, str]) -> None:
 
 def _registered_packages() -> set[str]:
     """Names of the packages or top-level modules that registered additional names."""
-    targets = [
-        row.target
-        for kind in KINDS
-        for row in registrations(kind).values()
-        if row.source != SHIPPED
-    ]
+    targets = list[object]()
+    for kind in KINDS:
+        rows = registrations(kind).values()
+        targets += [row.target for row in rows if row.source != SHIPPED]
     modules = (
         each if isinstance(each, str) else str(getattr(each, "__module__", ""))
         for each in targets

@@ -109,6 +109,8 @@ class Registration:
             return self.target
         module, _, attribute = self.target.partition(":")
         try:
+            # the older mujoco overwrites files of mujoco-core, and its import error
+            # would not say so
             if "mujoco" in module and (
                 rival := rival_of_mujoco(installed_versions([RIVAL]))
             ):
@@ -160,11 +162,13 @@ def add(
             f"{kind}: name = {shown(name)}: must be letters, digits, '_', '-' or '.'"
         )
     new = Registration(kind, name, target, title, source or _SOURCE[-1])
+    # names of the library are reserved, so that a file means the same everywhere
     if new.source != SHIPPED and (taken := reserved_for(kind, name)):
         raise RegistryError(
             f"{kind} {name!r}: is {taken} of {SHIPPED} and is registered by"
             f" {new.source}; rename it"
         )
+    # shipped names are added while the table is being made ready
     old = _ready()[kind].get(name) if source != SHIPPED else _FOUND[kind].get(name)
     if old is not None and old != new:
         raise RegistryError(
@@ -182,6 +186,7 @@ def take_over(row: Registration) -> None:
     """Register an entry of another process, unless its name is already registered
     here.
     """
+    # setdefault: a name that is registered here already wins over the sent one
     _ready()[row.kind].setdefault(row.name, row)
 
 
@@ -226,6 +231,7 @@ def find(kind: str, name: object, field: str = "") -> Any:
     Raises:
         RegistryError: no such name, with what there is and what was perhaps meant.
     """
+    # several kinds share one space of names in a table, such as air and force
     rows = {
         name: row for each in kind.split() for name, row in registrations(each).items()
     }
@@ -255,6 +261,7 @@ def name_of(kind: str, thing: object) -> str | None:
     """
     if not hasattr(thing, "__qualname__"):
         return None
+    # by text, so that the shipped class need not be imported to be compared
     ours = f"{thing.__module__}:{thing.__qualname__}"
     return next(
         (
@@ -271,6 +278,8 @@ def registering_for(source: str) -> Iterator[None]:
     """Context manager that credits registrations to a source, such as a plugin, and
     drops them after an error.
     """
+    # whole tables are kept, because a plugin that fails may have registered several
+    # names
     before = {kind: dict(rows) for kind, rows in _ready().items()}
     _SOURCE.append(source)
     try:

@@ -59,6 +59,7 @@ def reserved_for(kind: str, name: str) -> str | None:
     """Description of the library object that already has a name; None if the name is
     free for users.
     """
+    # a name of that ending would be read as a law's tuned gains
     if (
         kind == "law"
         and name.endswith(TUNED)

@@ -90,6 +90,7 @@ def transition(
     turning, turned = Mat3.cross(force_W).rows, R_WB.rows
     step = neg(dt)
     for i in range(3):
+        # the diagonal of a cross matrix is zero, which is left out of the sparse row
         row = {
             VELOCITY + i: 1,
             **{ATTITUDE + j: mul(turning[i][j], step) for j in range(3) if j != i},
@@ -111,6 +112,7 @@ def predict_covariance(
 ) -> Covariance:
     """Predicted covariance F P F^T + diag(variances)."""
     size = len(P)
+    # most entries of F are zero, so that sums go over the others alone
     FP = [
         [total(mul(c, entry(P, k, j)) for k, c in F[i].items()) for j in range(size)]
         for i in range(size)
@@ -143,9 +145,12 @@ def update_by_scalar(
     """
     PH = [total(mul(entry(P, i, j), c) for j, c in H.items()) for i in range(len(P))]
     spread = total(mul(PH[i], c) for i, c in H.items()) + variance
+    # the nominal state is corrected after the last scalar of an instant only, so what
+    # earlier ones have found is subtracted here
     left = sub(innovation, total(mul(error[i], c) for i, c in H.items()))
     inverse = divide(1.0, spread)
     K = [each * inverse for each in PH]
+    # the lower triangle alone is made, so rounding cannot make it asymmetric
     after = tuple(
         tuple(P[i][j] - K[i] * PH[j] for j in range(i + 1)) for i in range(len(P))
     )
@@ -234,6 +239,7 @@ def navigate(
         if modelled is None
         else (modelled, modelled)
     )
+    # each end in its own attitude: the vehicle turns within the step
     force = (old.apply(pair[0]) + new.apply(pair[1])) * 0.5
     up = force + now.push
     acceleration = Vec3(up.x, up.y, up.z - gravity)
@@ -255,6 +261,7 @@ def correct_state(now: Navigated, error: Sequence[Scalar]) -> Navigated:
         position=now.position + p,
         velocity=now.velocity + v,
         quaternion=(
+            # on the left, because the attitude's error is in world axes
             Quaternion.of_rotation_vector(turn) * now.quaternion
         ).renormalized(),
         gyro_bias=now.gyro_bias + gyro,
@@ -268,10 +275,8 @@ def level_attitude(specific_force: Vec3, heading: Scalar) -> Quaternion:
     heading (rad).
     """
     f = specific_force
-    roll, pitch = (
-        0.5 * atan2(f.y, f.z),
-        0.5 * atan2(neg(f.x), sqrt(f.y * f.y + f.z * f.z)),
-    )
+    roll = 0.5 * atan2(f.y, f.z)
+    pitch = 0.5 * atan2(neg(f.x), sqrt(f.y * f.y + f.z * f.z))
     yaw = 0.5 * heading
     level = Quaternion(cos(yaw), 0.0, 0.0, sin(yaw)) * Quaternion(
         cos(pitch), 0.0, sin(pitch), 0.0
@@ -313,6 +318,7 @@ def innovations(
         ]
     arm = belief.quaternion.rotation().apply(place)
     turned = [
+        # a unit at the base origin has exact zeros here, which drop out of the row
         {ATTITUDE + j: c for j, c in enumerate(row) if not same(c, 0)}
         for row in Mat3.cross(arm).rows
     ]
@@ -339,6 +345,7 @@ def turn_between(
     measured attitude.
     """
     turn = read * believed.conjugate()
+    # q and -q are one attitude: the sign chooses the turn of less than half a turn
     factor = where(turn.w < 0.0, -2.0, 2.0)
     return turn.x * factor, turn.y * factor, turn.z * factor
 
@@ -354,6 +361,7 @@ def _of_heading(R: Mat3, heading: Scalar, variance: Scalar) -> ScalarInnovation:
     level = divide(z, x * x + y * y)
     off = heading - atan2(y, x)
     H = {ATTITUDE: -(level * x), ATTITUDE + 1: -(level * y), ATTITUDE + 2: 1}
+    # atan2 of sine and cosine brings the difference within half a turn
     return ScalarInnovation(H=H, value=atan2(sin(off), cos(off)), variance=variance)
 
 

@@ -140,11 +140,11 @@ class ErrorStateFilter(FilterNumbers):
         the present state estimate.
         """
         started = memory.started > 0.5
-        imu, encoders = (
-            self.in_base_axes(only(ImuReading, readings)),
-            only(EncoderReading, readings),
-        )
+        imu = self.in_base_axes(only(ImuReading, readings))
+        encoders = only(EncoderReading, readings)
         arrived = [only(kind, readings) for kind in AIDS[self.aiding]]
+        # until the first step the queue is blank: the first reading fills it, and dt is
+        # 0
         before = tuple(blend(started, old, imu) for old in memory.inertial)
         belief = blend(
             started, memory.belief, self.first_belief(memory.belief, imu, arrived)
@@ -169,6 +169,8 @@ class ErrorStateFilter(FilterNumbers):
         if at_origin(self.lever):
             return following, measurement
         slow = blend(started, memory.slow_rate, measurement.rate)
+        # the change of the low-passed rate over the period is the angular acceleration:
+        # a difference of two rates would be all noise
         share = 1.0 - exp(-TURNING * dt)
         off = measurement.rate - slow
         placed = _at_base_origin(measurement, self.lever, off * (share / dt))
@@ -190,6 +192,7 @@ class ErrorStateFilter(FilterNumbers):
         turned = speeds_after(
             self.vehicle.rotors, memory.rotor_speeds, command.rotor_speeds, dt
         )
+        # before the first step the rotors are taken at their commanded speeds
         speeds = tuple(
             data(where(started, a, b))
             for a, b in zip(turned, command.rotor_speeds, strict=True)
@@ -211,9 +214,15 @@ class ErrorStateFilter(FilterNumbers):
             if command.tilts
             else self.vehicle
         )
-        moving = joints.joints, joints.rates
         force = modelled_force(
-            leaning, velocity, rate, *moving, (old, speeds), command.efforts, self.lever
+            leaning,
+            velocity,
+            rate,
+            joints.joints,
+            joints.rates,
+            (old, speeds),
+            command.efforts,
+            self.lever,
         )
         queue = tuple(blend(started, each, force) for each in memory.modelled[1:])
         return replace(memory, rotor_speeds=speeds, modelled=(*queue, force))
@@ -222,7 +231,8 @@ class ErrorStateFilter(FilterNumbers):
         """Predict estimate and covariance over one inertial reading, to the filter's
         delayed instant.
         """
-        reading, belief = memory.inertial[0], memory.belief
+        reading = memory.inertial[0]
+        belief = memory.belief
         dt = reading.time - before.time
         R = belief.quaternion.rotation()
         given = memory.modelled[0] if self.uses_model else None
@@ -232,12 +242,14 @@ class ErrorStateFilter(FilterNumbers):
             memory.covariance, F, self.added_variances(belief, reading, dt)
         )
         if self.uses_model:
+            # noise of a density, averaged over dt; dt is 0 at the first step
             variance = (
                 self.accelerometer * self.accelerometer / where(dt > 0.0, dt, 1.0)
             )
             rows = of_specific_force(
                 following, reading.specific_force, memory.modelled[0], variance
             )
+            # no gate: a difference from the model is what the push is estimated from
             following, P, _ = _apply_innovations(
                 following, P, rows, dt > 0.0, float("inf")
             )
@@ -260,15 +272,12 @@ class ErrorStateFilter(FilterNumbers):
             belief, updated, test_value = _apply_innovations(
                 belief, P, rows, due, allowed
             )
-            passed, failed = (
-                logical_and(due, test_value < allowed),
-                logical_and(due, logical_not(test_value < allowed)),
-            )
+            passed = logical_and(due, test_value < allowed)
+            # not by >=, so that a test value which is no number counts as refused
+            failed = logical_and(due, logical_not(test_value < allowed))
             P = scaled_covariance(updated, where(failed, self.inflation, 1.0))
-            taken, refused = (
-                taken + where(passed, 1.0, 0.0),
-                refused + where(failed, 1.0, 0.0),
-            )
+            taken = taken + where(passed, 1.0, 0.0)
+            refused = refused + where(failed, 1.0, 0.0)
             surprise = where(due, test_value, surprise)
         return replace(
             memory,
@@ -286,6 +295,7 @@ class ErrorStateFilter(FilterNumbers):
         instant.
         """
         present = memory.belief
+        # a period without a reading repeats the one before, so its step is of 0 s
         for i, (old, new) in enumerate(
             zip(memory.inertial, memory.inertial[1:], strict=False)
         ):

@@ -51,6 +51,7 @@ TURNING = 100.0
 densities its error, 0.005 rad/s^2 sqrt(bandwidth^3 / 2), moves the specific force at a
 lever arm of 0.1 m by less than the accelerometer's own noise."""
 
+# zeros of floats are data: as ints they would be structure that never changes
 _ORIGIN = Vec3(0.0, 0.0, 0.0)
 _LEVEL = Quaternion(1.0, 0.0, 0.0, 0.0)
 
@@ -128,7 +129,8 @@ def in_turn(queue: Sequence[Aid], after: Scalar, until: Scalar) -> tuple[Scalar,
     """Find the reading in a queue whose time stamp is in (after, until]; returns a flag
     and the reading.
     """
-    reading, any_due = queue[0], due_between(queue[0].time, after, until)
+    reading = queue[0]
+    any_due = due_between(queue[0].time, after, until)
     for each in queue[1:]:
         due = due_between(each.time, after, until)
         any_due, reading = logical_or(any_due, due), blend(due, each, reading)
@@ -139,6 +141,7 @@ def due_between(time: Scalar, after: Scalar, until: Scalar) -> Scalar:
     """True if a time (s) is after ``after`` and at most ``until``, with a tolerance of
     10 us.
     """
+    # 10 us: far below a control period, and far above the rounding of a time
     return logical_and(time > after + 1e-5, time < until + 1e-5)
 
 
@@ -425,7 +428,10 @@ class FilterNumbers(Estimator):
             vehicle.name, {each.name: each.drive for each in vehicle.drives}
         )
         lag = self.delay_periods / rate
-        aids, imu = AIDS[self.aiding], ""
+        aids = AIDS[self.aiding]
+        imu = ""
+        # the inertial unit first, since the others are compared with its rate and
+        # latency
         for kind in (ImuReading, *aids, *((EncoderReading,) if vehicle.n else ())):
             names = [name for name, sensor in sensors.items() if reads(sensor, kind)]
             if len(names) != 1:
@@ -434,7 +440,9 @@ class FilterNumbers(Estimator):
                     f"estimator: needs one sensor of kind {word!r} ([sensors.NAME] with"
                     f" kind = {word!r}); there are {len(names)} of kind {word!r}"
                 )
-            imu, sensor = imu or names[0], sensors[names[0]]
+            imu = imu or names[0]
+            sensor = sensors[names[0]]
+            # 1e-9 s: lag and latency are products of periods, which round
             if kind in aids and sensor.latency > lag + 1e-9:
                 raise ValueError(
                     f"estimator.delay_periods: lags {lag:g} s, must be at least"
@@ -512,6 +520,7 @@ class FilterNumbers(Estimator):
         (third order in dt).
         """
         added: list[Scalar] = [0] * 3
+        # with a modelled force the accelerometer corrects, and its noise counts there
         noise = 0 if self.uses_model else self.accelerometer * self.accelerometer
         for density in (
             noise,

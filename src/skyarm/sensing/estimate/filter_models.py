@@ -90,10 +90,8 @@ def filter_joints(
     # a reading that is not fresh divides by a period, and is not used
     span = where(fresh, maximum(since, 1e-5), dt)
     b = exp(-(bandwidth * span))
-    g, h = (
-        where(fresh, 1.0 - b * b, 0.0),
-        where(fresh, (1.0 - b) * (1.0 - b), 0.0) / span,
-    )
+    g = where(fresh, 1.0 - b * b, 0.0)
+    h = where(fresh, (1.0 - b) * (1.0 - b), 0.0) / span
     moved, age = now - memory.now, now - reading.time
     joints, rates = [], []
     for q, rate, read in zip(memory.joints, memory.rates, reading.joints, strict=True):

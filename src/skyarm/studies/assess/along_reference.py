@@ -113,6 +113,7 @@ def along_reference(
     demand, vehicle = followed.demand, scenario.agent.vehicle
     findings = _joint_limits(scenario, demand)
     fields = [(f"rotors[{rotor.name}]", "max_speed") for rotor in vehicle.rotors]
+    # rounding of a rotor that idles is no reversed thrust
     pulls = demand.squared < -ROUNDING * np.max(demand.squared, axis=0)
     findings.append(
         _saturation(
@@ -131,6 +132,7 @@ def along_reference(
     return [
         *findings,
         *_planned_force(scenario),
+        # shares of a carried body are checked with its grasps, by load_of
         *_hovers_with_loads(flight_parts(scenario) if carried else parts),
     ]
 
@@ -164,16 +166,16 @@ def follow(parts: Sequence[FlightPart]) -> Followed:
 
 def _clearance(scenario: Scenario, followed: Followed) -> list[Finding]:
     """Smallest distances of the vehicle's bodies, from surfaces and from each other."""
-    planned, demand, findings = scenario.agent.reference.planned, followed.demand, []
+    planned = scenario.agent.reference.planned
+    demand = followed.demand
+    findings = []
     # the arm of a plan without contact keeps off as the other bodies do
     every = clearances_of(
         scenario, touching=planned is None or bool(np.any(np.array(planned.force)))
     )
-    place = (
-        Vec3(*followed.position),
-        Mat3(*(Vec3(*row) for row in demand.rotation)),
-        tuple(demand.joints),
-    )
+    position = Vec3(*followed.position)
+    rotation = Mat3(*(Vec3(*row) for row in demand.rotation))
+    joints = tuple(demand.joints)
     for question, surfaces in CLEARANCES.items():
         some = replace(
             every,
@@ -183,15 +185,24 @@ def _clearance(scenario: Scenario, followed: Followed) -> list[Finding]:
         )
         if not some.pairs:
             continue
-        rows = stack_values(len(demand.time), some.distances(*place, time=demand.time))
+        distances = some.distances(position, rotation, joints, time=demand.time)
+        rows = stack_values(len(demand.time), distances)
         i, k = np.unravel_index(int(np.argmin(rows)), rows.shape)
         often = followed.share(np.any(rows < 0.0, axis=0))
         text = f"{some.names[i]} are {rows[i, k]:.3g} m apart at {demand.time[k]:.3g} s"
         text += f", with an overlap for {often:.1%} of the flight" if often else ""
         remedy = "a path farther from it, or another arm pose"
-        words = (question, float(rows[i, k]), text, "reference", remedy)
         findings.append(
-            at_least(*words, warning=0.0, unit="m", concerns=Concern.CLEARANCE)
+            at_least(
+                question,
+                float(rows[i, k]),
+                text,
+                "reference",
+                remedy,
+                warning=0.0,
+                unit="m",
+                concerns=Concern.CLEARANCE,
+            )
         )
     return findings
 
@@ -202,7 +213,9 @@ def _speed_steps(scenario: Scenario) -> list[Finding]:
     At the start of tracking the step is from the velocity of the vehicle: its initial
     one, or rest.
     """
-    start, initial = float(scenario.agent.tracking_start), scenario.agent.initial
+    # before a later start of tracking the vehicle hovers: its initial velocity is gone
+    start = float(scenario.agent.tracking_start)
+    initial = scenario.agent.initial
     times = np.array(
         [start, *(t for t in _jump_times(scenario) if start < t < scenario.duration)]
     )
@@ -230,10 +243,15 @@ def _speed_steps(scenario: Scenario) -> list[Finding]:
     remedy = (
         "a motion that begins at rest (as quintic ramps do), or an [initial] velocity"
     )
-    words = text, "reference.base", remedy
     return [
         at_most(
-            "steps of the reference", float(steps[k]), *words, warning=BLOW, unit="m/s"
+            "steps of the reference",
+            float(steps[k]),
+            text,
+            "reference.base",
+            remedy,
+            warning=BLOW,
+            unit="m/s",
         )
     ]
 
@@ -254,17 +272,17 @@ def _planned_force(scenario: Scenario) -> list[Finding]:
         " the world has no surface"
     )
     weight = float(scenario.agent.vehicle.mass * scenario.agent.plant.gravity)
-    words = text, "world.surfaces", "what the tip touches in the plan"
-    question, concerns = "contact along the reference", Concern.CONTACT
     return [
         at_most(
-            question,
+            "contact along the reference",
             float(force[k]),
-            *words,
+            text,
+            "world.surfaces",
+            "what the tip touches in the plan",
             warning=0.0,
             fault=weight,
             unit="N",
-            concerns=concerns,
+            concerns=Concern.CONTACT,
         )
     ]
 
@@ -278,15 +296,14 @@ def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
     """
     answers: dict[str, list[Finding]] = {}
     loaded = [part for part in parts if part.words]
+    # max takes the first of equals, so that of equal levels the heaviest load is named
     for part in sorted(loaded, key=lambda each: -float(each.vehicle.mass)):
         reference = reference_at(
             part.scenario,
             np.linspace(part.start, part.stop, POSES_HELD, endpoint=False),
         )
-        joints, gravity = (
-            stack_values(POSES_HELD, reference.joints).T,
-            float(part.scenario.agent.plant.gravity),
-        )
+        joints = stack_values(POSES_HELD, reference.joints).T
+        gravity = float(part.scenario.agent.plant.gravity)
         poses = ArmPoses.only(part.vehicle, joints, gravity, part.words)
         for each in thrust_margin(poses):
             answers.setdefault(each.question.removesuffix(part.words), []).append(each)
@@ -318,21 +335,21 @@ def _sample_times(part: FlightPart, end: float) -> list[Array]:
         *(t for t in _jump_times(part.scenario) if part.start < t < part.stop),
         part.stop,
     ]
-    every, intervals = (
-        max(INSTANTS, end / FINE if part.scenario.agent.reference.planned else 0),
-        [],
-    )
+    every = max(INSTANTS, end / FINE if part.scenario.agent.reference.planned else 0)
+    intervals = []
     for a, b in pairwise(cuts):
         if b - a < SHORTEST and end > SHORTEST:
             continue  # no rates can be had of it
         count = max(FEWEST, round(every * (b - a) / end))
+        # midpoints: no instant lies on a jump of the reference
         intervals.append(a + (b - a) * (np.arange(count) + 0.5) / count)
     return intervals
 
 
 def _jump_times(scenario: Scenario) -> list[float]:
     """Times (s) at which the reference may jump, in order."""
-    path, times = scenario.agent.path_time, scenario.agent.reference.switch_times()
+    path = scenario.agent.path_time
+    times = scenario.agent.reference.switch_times()
     return (
         list(times) if path is None else [path.instant_of(t) for t in times if t > 0.0]
     )
@@ -370,7 +387,8 @@ def _stretch(part: FlightPart, time: Array) -> Followed:
 def _joint_limits(scenario: Scenario, demand: ActuatorDemand) -> list[Finding]:
     findings = []
     for i, link in enumerate(scenario.agent.vehicle.links):
-        joint, q = link.joint, demand.joints[i]
+        joint = link.joint
+        q = demand.joints[i]
         low, high = joint.ends
         beyond = (q < low) | (q > high)
         if np.any(beyond):

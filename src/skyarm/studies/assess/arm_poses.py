@@ -85,11 +85,10 @@ class Allocation:
             squared: (rotors, poses) squared speeds, (rad/s)^2.
             change: (rotors, poses or 1) of them.
         """
+        # a rotor that the change leaves alone divides by zero, and the masks drop it
         with np.errstate(divide="ignore", invalid="ignore"):
-            up, down = (
-                (self.highest[:, None] - squared) / change,
-                (self.lowest[:, None] - squared) / change,
-            )
+            up = (self.highest[:, None] - squared) / change
+            down = (self.lowest[:, None] - squared) / change
         return np.where(change > 0.0, up, np.where(change < 0.0, down, np.inf))
 
     def room(self, squared: Array, direction: Array) -> Array:
@@ -167,10 +166,12 @@ def _lowest(vehicle: Vehicle, joints: Array, i: int) -> Array:
     # the energy is b sin q - a cos q, its slope b cos q + a sin q
     at_quarter = torque(0.5 * math.pi)
     lowest = np.arctan2(-at_zero, at_quarter)
+    # the lowest point recurs each turn: the first one within the limit
     if math.isfinite(low):
         lowest = lowest + math.tau * np.ceil((low - lowest) / math.tau)
     elif math.isfinite(high):
         lowest = lowest + math.tau * np.floor((high - lowest) / math.tau)
+    # a single sine without its lowest point inside is least at one of the ends
     if math.isfinite(high - low):
         ends = [
             at_zero * math.sin(end) - at_quarter * math.cos(end) for end in (low, high)
@@ -178,6 +179,7 @@ def _lowest(vehicle: Vehicle, joints: Array, i: int) -> Array:
         lowest = np.where(
             lowest <= high, lowest, np.where(ends[0] < ends[1], low, high)
         )
+    # a joint that no weight turns is at rest anywhere, so it stays
     return np.where(np.hypot(at_zero, at_quarter) > NOTHING, lowest, joints[:, i])
 
 
@@ -284,10 +286,14 @@ class ArmPoses:
         """
         values = in_parts(quantities, self.joints)
         at = np.argmin(values, axis=1)
-        least, best = values[np.arange(len(values)), at], self.joints[at]
-        if not self.searched or not self.joints.shape[1] or self.joints.shape[0] < 2:
+        least = values[np.arange(len(values)), at]
+        best = self.joints[at]
+        if not self.searched or not self.joints.shape[1]:
             return least, best
-        rng, spread, count = np.random.default_rng(0), 0.1, len(values)
+        # a fixed seed, so that one vehicle always has the same findings
+        rng = np.random.default_rng(0)
+        spread = 0.1
+        count = len(values)
         for _ in range(ROUNDS):
             steps = (
                 spread
@@ -295,18 +301,17 @@ class ArmPoses:
                 * rng.normal(size=(AROUND, len(self.low)))
             )
             near = np.clip(best[:, None] + steps, self.low, self.high)
-            near = rest_of_hanging(
-                self.vehicle, near.reshape(count * AROUND, -1)
-            ).reshape(near.shape)
-            near_values = in_parts(
-                quantities, near.reshape(count * AROUND, -1)
-            ).reshape(count, count, AROUND)
+            near = rest_of_hanging(self.vehicle, near.reshape(count * AROUND, -1))
+            # every quantity is evaluated at the poses of all, but searched in its own
+            # lanes
+            near_values = in_parts(quantities, near).reshape(count, count, AROUND)
             own = near_values[np.arange(count), np.arange(count)]
             at = np.argmin(own, axis=1)
             tried = own[np.arange(count), at]
             better = tried < least
             least = np.where(better, tried, least)
-            best = np.where(better[:, None], near[np.arange(count), at], best)
+            nearest = near.reshape(count, AROUND, -1)[np.arange(count), at]
+            best = np.where(better[:, None], nearest, best)
             spread *= CLOSER
         return least, best
 
@@ -386,6 +391,7 @@ def joint_range(joint: Joint) -> tuple[float, float]:
     if math.isinf(high):
         high = max(free, low + free)
     if joint.turns and high - low > 2.0 * free:
+        # one turn has every pose: the one about zero, moved as far as limits demand
         middle = min(max(0.0, low + free), high - free)
         return middle - free, middle + free
     return low, high
@@ -400,5 +406,6 @@ def _coordinates(count: int, dimension: int, rng: np.random.Generator) -> Array:
 
     if dimension >= DIMENSIONS:
         return rng.random(count)
+    # unshifted, the first point of every joint would be its lower limit
     points = sobol(np.arange(count), dimension).astype(float) / 2.0**BITS
     return (points + rng.random()) % 1.0

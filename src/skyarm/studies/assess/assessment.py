@@ -84,25 +84,24 @@ def delay_margin(scenario: Scenario) -> list[Finding]:
     delay = hover_delay_if_known(scenario)
     if isinstance(delay, str):
         return [Finding(QUESTION, NOTE, f"not known: {delay}")]
-    text, unit = delay.sentence(scenario.agent.controller.name), "s"
+    text = delay.sentence(scenario.agent.controller.name)
+    unit = "s"
     if not delay.margin > 0.0:
         remedy = (
             "softer gains or another law: skyarm margins shows which loop is short of"
             " margin"
         )
         return [Finding(QUESTION, FAULT, text, "controller", remedy, 0.0, 0.0, unit)]
-    numbers = (
-        delay.margin if math.isfinite(delay.margin) else math.nan,
-        delay.least_margin,
-        unit,
-    )
+    # a dash in the tables: no delay makes the loop unstable
+    margin = delay.margin if math.isfinite(delay.margin) else math.nan
+    least = delay.least_margin
     if delay.enough:
-        return [Finding(QUESTION, OK, text, "", "", *numbers)]
+        return [Finding(QUESTION, OK, text, value=margin, limit=least, unit=unit)]
     remedy = (
         f"{delay.shortfall}: softer gains, faster motors or a shorter delay; "
         "skyarm margins shows which loop is short of it"
     )
-    return [Finding(QUESTION, WARNING, text, "controller", remedy, *numbers)]
+    return [Finding(QUESTION, WARNING, text, "controller", remedy, margin, least, unit)]
 
 
 PLAN, LAW, PARTS = "plan of the reference", "law for this vehicle", "environment"
@@ -174,12 +173,9 @@ class Assessment:
 
     def alarms(self) -> list[Finding]:
         """Check results that are faults, then those that are warnings."""
-        return [
-            each
-            for level in (FAULT, WARNING)
-            for each in self.every
-            if each.level == level
-        ]
+        every = self.every
+        faults = [each for each in every if each.level == FAULT]
+        return faults + [each for each in every if each.level == WARNING]
 
     def plain(self) -> Facts:
         """Results of a feasibility check as plain data, for a JSON file."""
@@ -227,7 +223,8 @@ def check(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", WithoutEffectWarning)  # a finding below
             what = load_scenario(what) if is_scenario(str(what)) else load_vehicle(what)
-    if flights and (isinstance(what, Vehicle) or len(what.agents) > 1):
+    # the flights are hovers of one vehicle without its world
+    if flights and (isinstance(what, Vehicle) or what.is_team):
         raise ValueError(
             "--flights: must be left out unless a scenario of one vehicle states the"
             " law that flies"
@@ -280,6 +277,7 @@ def assess_vehicle(
         ValueError: one line: an argument outside of what is allowed.
     """
     number(require_gravity(gravity, "--gravity"), "--gravity", low=0.0, strict=True)
+    # the option is held to the rule of a payload in a file
     rules(Payload)["mass"]("--payload", payload)
     if payload and not vehicle.end_effector:
         lacks = f"vehicle '{vehicle.name}' has no tip (end_effector){vehicle.tip_cure}"
@@ -299,15 +297,14 @@ def assess_scenario(
     Raises:
         ValueError: as :func:`assess_vehicle`.
     """
-    bodies, agents, margins = (
-        balances(scenario),
-        dict[str, Assessment](),
-        dict[str, list[Finding]](),
-    )
+    bodies = balances(scenario)
+    agents = dict[str, Assessment]()
+    margins = dict[str, list[Finding]]()
     # of vehicles that are equal
     once = cache(partial(assess_vehicle, payload=payload, poses=poses))
     for name in scenario.agents:
-        one, plant = scenario.of(name), scenario.of(name).agent.plant
+        one = scenario.of(name)
+        plant = one.agent.plant
         about = once(plant.vehicle, gravity=float(plant.gravity))
         try:
             carried = carried_loads(scenario, name, bodies)
@@ -331,19 +328,20 @@ def assess_scenario(
             # by itself: others are not there, and a body that turns freely in a grasp
             # would count as unstable
             hovering = with_words(one, world=None) if bodies or one.others else one
+            # equal vehicles with equal laws have one margin: it is computed once
             alike = hover_digest(hovering)
             if alike not in margins:
                 margins[alike] = delay_margin(hovering)
             findings = (*findings, *margins[alike], *pressing_flights(one))
         agents[name] = replace(about, name=name, findings=findings)
-    first, flies = (
-        next(iter(agents.values())),
-        all(each.flies for each in agents.values()),
-    )
+    first = next(iter(agents.values()))
+    flies = all(each.flies for each in agents.values())
     shared = balance_of_bodies(bodies)
-    if flies and len(agents) > 1 and bodies:
+    # where one vehicle holds a body nobody is left to bear the share of a lost one
+    if flies and scenario.is_team and bodies:
         shared += [*losses(scenario, bodies, payload), *flight_together(scenario)]
-    if len(agents) == 1:
+    # one vehicle's report is flat, as its JSON file is; several have one each
+    if not scenario.is_team:
         return replace(first, name=scenario.name, findings=(*first.findings, *shared))
     return replace(first, name=scenario.name, findings=tuple(shared), agents=agents)
 
@@ -376,6 +374,7 @@ def _vehicle_findings(poses: ArmPoses, payload: float, file: str) -> list[Findin
         if turned:
             findings += thrust_margin(loaded)
         findings += joint_torques(loaded)
+    # authority is asked of the loaded vehicle, the largest payload of the bare one
     if turned:
         findings += [*torque_authority(loads[-1]), *side_forces(loads[-1])]
         findings += [
@@ -410,7 +409,8 @@ def _no_rotors(vehicle: Vehicle, file: str) -> Finding:
     """Fault of a vehicle without rotors: there are none, or its file states some with
     gaps.
     """
-    place, writes = f"{file}, where they are missing", ""
+    place = f"{file}, where they are missing"
+    writes = ""
     if not file.endswith(".toml"):
         place = "a vehicle file"
         writes = (

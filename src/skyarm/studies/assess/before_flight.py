@@ -21,26 +21,19 @@ def warnings_before_flight(scenario: Scenario) -> list[str]:
     """Warnings about suspicious values, a reference beyond limits, and a contact force
     that cannot be held.
     """
-    if scenario.is_team:
-        bodies = balances(scenario) if scenario.team is not None else []
-        loads = {
-            name: carried_loads(scenario, name, bodies) for name in scenario.agents
-        }
-        found = {
-            name: _warnings_of(scenario.of(name), carried)
-            for name, carried in loads.items()
-        }
-        first, *others = found.values()
-        # as those of the world
-        shared = [line for line in first if all(line in lines for lines in others)]
-        own = [
-            f"{name}: {line}"
-            for name, lines in found.items()
-            for line in lines
-            if line not in shared
-        ]
-        return [*shared, *own]
-    return _warnings_of(scenario, ())
+    # only a team carries bodies in shares
+    bodies = balances(scenario) if scenario.team is not None else []
+    found = {
+        name: _warnings_of(scenario.of(name), carried_loads(scenario, name, bodies))
+        for name in scenario.agents
+    }
+    first, *others = found.values()
+    # of the world, or of the only vehicle
+    shared = [line for line in first if all(line in lines for lines in others)]
+    lines = list(shared)
+    for name, own in found.items():
+        lines += [f"{name}: {line}" for line in own if line not in shared]
+    return lines
 
 
 def _warnings_of(scenario: Scenario, carried: Sequence[Load]) -> list[str]:
@@ -48,10 +41,8 @@ def _warnings_of(scenario: Scenario, carried: Sequence[Load]) -> list[str]:
     carry.
     """
     lines, at = unlikely_numbers(scenario), largest_push(scenario)
-    findings, pushing = (
-        along_reference(scenario, carried=carried),
-        push_limits(scenario),
-    )
+    findings = along_reference(scenario, carried=carried)
+    pushing = push_limits(scenario)
     if at is not None and scenario.worlds:
         # which can fly batches
         from skyarm.studies.assess.pressing_flights import contact_steps
@@ -63,7 +54,9 @@ def _warnings_of(scenario: Scenario, carried: Sequence[Load]) -> list[str]:
         if world.vehicle.rotors
         else []
     )
+    # of pushes only what cannot be held is said here; the rest is for skyarm check
     findings += [each for each in (*turned, *pushing) if each.level == FAULT]
+    # the lines take part as causes only: they are stated in full
     alarms = causes_first(
         [*(finding_of_line(line, UNITS, WARNING) for line in lines), *findings]
     )[len(lines) :]

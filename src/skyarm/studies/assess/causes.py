@@ -21,8 +21,8 @@ from skyarm.studies.assess.finding import (
 ALARMS = (WARNING, FAULT)
 
 
-def _numbers(table: str, *words: str) -> set[str]:
-    return {f"{table}.{word}" for word in words}
+def _numbers(table: str, *fields: str) -> set[str]:
+    return {f"{table}.{field}" for field in fields}
 
 
 # numbers of the vehicle, not of its model, a sensor, the start or the air

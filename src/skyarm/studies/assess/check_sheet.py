@@ -57,11 +57,7 @@ def _answers(findings: Iterable[Finding]) -> list[Line]:
         level: [each for each in findings if each.level == level]
         for level in (FAULT, WARNING, NOTE, OK)
     }
-    alarms, notes, well = (
-        by_level[FAULT] + by_level[WARNING],
-        by_level[NOTE],
-        by_level[OK],
-    )
+    alarms = by_level[FAULT] + by_level[WARNING]
     parts: list[Line] = [_rows(alarms), ""] if alarms else []
     for each in alarms:
         limit = "" if math.isnan(each.limit) else f", limit {_number(each.limit, each)}"
@@ -75,13 +71,15 @@ def _answers(findings: Iterable[Finding]) -> list[Line]:
             f" {each.remedy or each.text}"
         )
         parts.append(Mark(text=line, title=each.level))
-    parts += ["", _rows(notes)] if notes else []
-    short = "; ".join(dict.fromkeys(map(_in_short, well)))
+    parts += ["", _rows(by_level[NOTE])] if by_level[NOTE] else []
+    # units are asked of the vehicle and of the scenario, and said once
+    short = "; ".join(dict.fromkeys(map(_in_short, by_level[OK])))
     return [
         *parts,
         "",
         Mark(
-            text=f"{len(well)} without an alarm" + (f": {short}" if short else ""),
+            text=f"{len(by_level[OK])} without an alarm"
+            + (f": {short}" if short else ""),
             title=OK,
         ),
         "",
@@ -91,9 +89,10 @@ def _answers(findings: Iterable[Finding]) -> list[Line]:
 def _in_short(each: Finding) -> str:
     """Short text of a passed check: the checked quantity with its value."""
     text = _number(each.value, each)
-    return (
-        each.question if text.split(" ")[0] in ("-", "0") else f"{each.question} {text}"
-    )
+    # a missing number, or none of something, says no more than the question
+    if text.split(" ")[0] in ("-", "0"):
+        return each.question
+    return f"{each.question} {text}"
 
 
 def _rows(findings: Iterable[Finding]) -> Table:

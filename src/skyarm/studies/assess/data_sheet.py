@@ -85,6 +85,7 @@ def record_facts(record: Dataclass) -> Facts:
 
 
 def _plain(value: Any) -> Plain:
+    # vectors first: they are records of x, y and z, too, and become lists
     if isinstance(value, tuple) or hasattr(value, "dot"):
         return [float(each) for each in value]
     if field_names(type(value)):
@@ -133,31 +134,25 @@ def sheet(vehicle: Vehicle, known: Facts) -> list[Table]:
     tables = [table_of(("", ""), _whole(vehicle, known), left=2, title=title)]
     for title, records in sections.items():
         kinds = dict.fromkeys(map(type, records.values()))
+        # drives of different kinds have different fields, so each kind has a table
         for kind in kinds:
             heading = f"{title}: {kind.__name__}" if len(kinds) > 1 else title
             tables += _tables(
                 heading,
                 {name: each for name, each in records.items() if type(each) is kind},
             )
-    if vehicle.gaps:
-        tables.append(
-            table_of(
-                ("",),
-                zip(vehicle.gaps, strict=True),
-                title="gaps: what its rotors lack to fly",
-            )
-        )
-    notes = "notes: what its file says that was left out, or taken in another way"
-    tables += (
-        [table_of(("",), zip(vehicle.notes, strict=True), title=notes)]
-        if vehicle.notes
-        else []
-    )
-    return tables + (
-        [table_of(("", ""), vehicle.sources, left=2, title="sources")]
-        if vehicle.sources
-        else []
-    )
+    for title, lines in (
+        ("gaps: what its rotors lack to fly", vehicle.gaps),
+        (
+            "notes: what its file says that was left out, or taken in another way",
+            vehicle.notes,
+        ),
+    ):
+        if lines:
+            tables.append(table_of(("",), zip(lines, strict=True), title=title))
+    if vehicle.sources:
+        tables.append(table_of(("", ""), vehicle.sources, left=2, title="sources"))
+    return tables
 
 
 APART = ("name", "tilt")
@@ -176,11 +171,11 @@ def _tables(title: str, records: Mapping[str, Dataclass]) -> Iterator[Table]:
         if field in APART or not any(cells):
             continue
         unit = units(kind)[field].unit if field in units(kind) else ""
-        words = f"{field.replace('_', ' ')}, {unit}".removesuffix(", ")
+        label = f"{field.replace('_', ' ')}, {unit}".removesuffix(", ")
         if len(records) > 1 and len(set(cells)) == 1:
-            shared[words] = cells[0]
+            shared[label] = cells[0]
         else:
-            differ[words] = cells
+            differ[label] = cells
     yield table_of(
         ("", *differ), zip(records, *differ.values(), strict=True), title=title
     )
@@ -225,6 +220,7 @@ def _whole(vehicle: Vehicle, facts: Facts) -> Iterator[tuple[str, str]]:
     if hover and hover["rotor_speeds_rad_s"] is None:
         yield "hover", "not possible level: a rotor would have to pull down"
     elif hover:
+        # two decimals: speeds of equal rotors differ by rounding
         speeds = sorted({round(w, 2) for w in hover["rotor_speeds_rad_s"]})
         shown = " ... ".join(f"{w:g}" for w in dict.fromkeys((speeds[0], speeds[-1])))
         beyond = (
@@ -242,7 +238,8 @@ def _whole(vehicle: Vehicle, facts: Facts) -> Iterator[tuple[str, str]]:
             )
     if not vehicle.links:
         return
-    reached, tip = facts["reach_m"], vehicle.end_effector
+    reached = facts["reach_m"]
+    tip = vehicle.end_effector
     none = (
         "none: the end effector is fixed to the base"
         if tip
@@ -258,7 +255,8 @@ def _whole(vehicle: Vehicle, facts: Facts) -> Iterator[tuple[str, str]]:
         none if reached is None else f"{shown_number(reached, 4)} m, over {searched}",
     )
     for each in facts["joints"]:
-        torque, limit = facts["static_efforts"][each["name"]], each["effort_limit"]
+        torque = facts["static_efforts"][each["name"]]
+        limit = each["effort_limit"]
         unit = "N m" if each["kind"] == "revolute" else "N"
         margin = f", limit {limit:g} {unit}" if limit < math.inf else ""
         margin += (

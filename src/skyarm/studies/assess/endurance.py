@@ -58,8 +58,18 @@ def time_aloft(vehicle: Vehicle, gravity: float, held: str = "") -> list[Finding
         ]
     left = f", {hover.charge:.0%} of the charge left" if hover.charge > 0.01 else ""
     text = f"{hover.seconds / 60.0:.3g} min of hover at {hover.power:.3g} W{left}"
-    words = (text, "battery.capacity", "more capacity, more cells, or less mass")
-    return [at_least(question, hover.seconds, *words, warning=SHORTEST, unit="s")]
+    remedy = "more capacity, more cells, or less mass"
+    return [
+        at_least(
+            question,
+            hover.seconds,
+            text,
+            "battery.capacity",
+            remedy,
+            warning=SHORTEST,
+            unit="s",
+        )
+    ]
 
 
 def aloft_for(parts: Sequence[FlightPart], payload: float = 0.0) -> list[Finding]:
@@ -70,19 +80,20 @@ def aloft_for(parts: Sequence[FlightPart], payload: float = 0.0) -> list[Finding
         parts: parts of the flight, each with its loads.
         payload: kg, a point mass at the tip in all of them.
     """
-    battery, seconds, duration = parts[0].vehicle.battery, 0.0, parts[-1].stop
+    battery = parts[0].vehicle.battery
+    seconds = 0.0
+    duration = parts[-1].stop
     if battery is None or not parts[0].vehicle.rotors:
         return []
     charge = float(battery.charge)
     for part in parts:
         vehicle = part.vehicle.with_payload(payload) if payload else part.vehicle
-        gravity, lasts = (
-            float(part.scenario.agent.plant.gravity),
-            part.stop - part.start,
-        )
+        gravity = float(part.scenario.agent.plant.gravity)
+        lasts = part.stop - part.start
         if vehicle.battery is None or not _hovers(vehicle, gravity):
             return []  # a fault of the rotors, found elsewhere
         try:
+            # the last load hovers until the battery ends, so that the reserve shows
             hover = hover_time(
                 replace(vehicle, battery=replace(vehicle.battery, charge=charge)),
                 gravity,
@@ -92,17 +103,27 @@ def aloft_for(parts: Sequence[FlightPart], payload: float = 0.0) -> list[Finding
             if not seconds and not part.words:  # said by time_aloft
                 return []
             break
-        seconds, charge = seconds + hover.seconds, hover.charge
+        seconds += hover.seconds
+        charge = hover.charge
         if hover.seconds < lasts:
             break
+    # a battery that is not full is charged before a larger one is bought
     field = "battery.charge" if float(battery.charge) < 1.0 else "battery.capacity"
     loads = " with its loads" if payload or any(part.words for part in parts) else ""
     text = (
         f"holds a hover{loads} for {seconds:.3g} s, and the flight takes {duration:g} s"
     )
-    words = (text, field, f"more of {field}, or a shorter duration")
+    remedy = f"more of {field}, or a shorter duration"
     return [
-        at_least("battery over the flight", seconds, *words, fault=duration, unit="s")
+        at_least(
+            "battery over the flight",
+            seconds,
+            text,
+            field,
+            remedy,
+            fault=duration,
+            unit="s",
+        )
     ]
 
 
@@ -162,6 +183,7 @@ def hover_time(
         )
     trim = hover_trim(vehicle, vehicle.zeros, gravity)
     power = float(battery.power(vehicle.rotors, trim.speeds))
+    # a rotor's highest speed falls with the voltage, from that of max_speed
     share = max(
         float(w) / float(r.max_speed)
         for w, r in zip(trim.speeds, vehicle.rotors, strict=True)
@@ -172,10 +194,8 @@ def hover_time(
         """Battery voltage (V) in hover at a state of charge; None if the battery cannot
         supply the hover.
         """
-        voltage, idle = (
-            float(battery.voltage(charge, power)),
-            float(battery.open_circuit_voltage(charge)),
-        )
+        voltage = float(battery.voltage(charge, power))
+        idle = float(battery.open_circuit_voltage(charge))
         gives = idle * idle >= 4.0 * float(battery.resistance) * power
         return voltage if charge > 0.0 and gives and voltage >= least else None
 
@@ -186,15 +206,21 @@ def hover_time(
             f"vehicle '{vehicle.name}': battery.charge = {start:g}: must be enough for"
             " a level hover"
         )
-    seconds, charge, width = 0.0, start, start / STEPS
+    seconds = 0.0
+    charge = start
+    width = start / STEPS
     for i in range(STEPS):
         middle = voltage_at(start - (i + 0.5) * width)
         if middle is None:
             break
         lasts = 3600.0 * float(battery.capacity) * width * middle / power
         part = min(1.0, (longest - seconds) / lasts)
-        voltage, charge, seconds = middle, charge - part * width, seconds + part * lasts
+        voltage = middle
+        charge -= part * width
+        seconds += part * lasts
         if part < 1.0:
+            # without rounding: a sum below ``longest`` would mean that the battery
+            # ended
             seconds = longest
             break
     return HoverTime(seconds, power, max(charge, 0.0), voltage)

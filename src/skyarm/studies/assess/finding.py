@@ -136,6 +136,7 @@ def at_least(
         more: ``unit``, ``joints``, ``concerns``; ``limit`` in place of the one that was
             passed.
     """
+    # not "<": a value that is no number is a fault
     level = FAULT if not value >= fault else WARNING if value < warning else OK
     passed = fault if level == FAULT or math.isinf(warning) else warning
     return Finding(
@@ -146,14 +147,17 @@ def at_least(
 def at_most(
     question: str,
     value: float,
-    *words: str,
+    text: str,
+    field: str = "",
+    remedy: str = "",
+    *,
     fault: float = math.inf,
     warning: float = math.inf,
     **more: Unpack[Details],
 ) -> Finding:
     """Check result for a value that must not exceed its fault and warning limits."""
     mirrored = at_least(
-        question, -value, *words, fault=-fault, warning=-warning, **more
+        question, -value, text, field, remedy, fault=-fault, warning=-warning, **more
     )
     return replace(mirrored, value=value, limit=more.get("limit", -mirrored.limit))
 
@@ -189,5 +193,5 @@ def _place(field: str) -> str:
     """First and last word of a parameter of the vehicle or the reference, without
     names: "links[].mass".
     """
-    words = re.sub(r"\[[^]]*\]", "[]", field.removeprefix("plant.")).split(".")
-    return ".".join(words[:1] + words[1:][-1:])
+    parts = re.sub(r"\[[^]]*\]", "[]", field.removeprefix("plant.")).split(".")
+    return ".".join(parts[:1] + parts[1:][-1:])

@@ -73,6 +73,7 @@ def flight_parts(scenario: Scenario, carried: Sequence[Load] = ()) -> list[Fligh
     ``carried`` are loads beside the scenario's payloads: shares of bodies that several
     vehicles carry.
     """
+    # changes of the law would divide the flight and load nothing
     of_the_world = tuple(
         c
         for c in scenario.changes
@@ -125,6 +126,7 @@ def _payloads(scenario: Scenario) -> list[Load]:
                     times, Vec3(*_along(scenario, payload.frame, times))
                 ),
             )
+            # a load taken in one block may be released in a later one
             if math.isinf(start):
                 start = _first(times, pick)
             stop = _first(times, drop & (times > start))
@@ -138,6 +140,7 @@ def _payloads(scenario: Scenario) -> list[Load]:
 def _control_instants(scenario: Scenario) -> Iterator[Array]:
     """Start times (s) of a flight's control periods, in blocks (K,)."""
     rate = scenario.rates.control
+    # rounding of the product must not add a period
     count = math.ceil(scenario.duration * rate - 1e-9)
     for first in range(0, count, AT_ONCE):
         yield np.arange(first, min(first + AT_ONCE, count)) / rate
@@ -162,7 +165,8 @@ def _along(scenario: Scenario, frame: str, time: Array) -> Array:
     """World positions (3, K) of a vehicle frame (m) at K times, if a level base tracks
     the reference exactly.
     """
-    reference, vehicle = reference_at(scenario, time), scenario.agent.vehicle
+    reference = reference_at(scenario, time)
+    vehicle = scenario.agent.vehicle
     half = 0.5 * doubles(reference.yaw)
     state = State(
         position=reference.position,

@@ -42,11 +42,9 @@ def joint_torques(poses: ArmPoses) -> list[Finding]:
     for link, limit, value, pose in zip(
         vehicle.links, effort_limits(vehicle), static, at, strict=True
     ):
-        joint, unit, name = (
-            link.joint,
-            link.joint.units[1],
-            f"joints[{link.joint.name}]",
-        )
+        joint = link.joint
+        unit = link.joint.units[1]
+        name = f"joints[{link.joint.name}]"
         question = f"{name} static effort{load}"
         if float(joint.effort_limit) == 0.0:
             findings.append(Finding(question, NOTE, "passive: no drive holds it", name))
@@ -59,14 +57,16 @@ def joint_torques(poses: ArmPoses) -> list[Finding]:
                 " current_limit"
             )
         stated = f" of {limit:g}" if limit < math.inf else ", no limit stated"
-        words = (f"up to {value:.3g} {unit}{stated} to hold the arm", field)
+        text = f"up to {value:.3g} {unit}{stated} to hold the arm"
         remedy = f"a stronger drive ({stronger}) or a lighter, shorter arm"
         shown = float(limit) if limit < math.inf else math.nan
         more = Details(
             limit=shown, unit=unit, joints=pose, concerns=Concern.STATIC_EFFORT
         )
         findings.append(
-            at_most(question, float(value), *words, remedy, fault=float(limit), **more)
+            at_most(
+                question, float(value), text, field, remedy, fault=float(limit), **more
+            )
         )
     return findings
 
@@ -128,13 +128,12 @@ def servo_speeds(
     """
     findings = []
     for i, servo in servos(scenario):
-        joint, top = (
-            scenario.agent.vehicle.links[i].joint,
-            min(float(servo.speed_limit), servo.no_load_speed),
-        )
+        joint = scenario.agent.vehicle.links[i].joint
+        top = min(float(servo.speed_limit), servo.no_load_speed)
         if math.isinf(top):
             continue
-        rates, unit = np.abs(every_rate[i]), f"{joint.units[0]}/s"
+        rates = np.abs(every_rate[i])
+        unit = f"{joint.units[0]}/s"
         k = int(np.argmax(rates))
         late = share(rates > top)
         field = (
@@ -148,12 +147,21 @@ def servo_speeds(
             f" the servo turns at {top:.3g}"
         )
         text += f": too fast for {late:.1%} of the flight" if late else ""
-        question, remedy = (
-            f"joints[{joint.name}] servo's speed",
-            f"a slower reference, or more of {field}",
+        question = f"joints[{joint.name}] servo's speed"
+        remedy = f"a slower reference, or more of {field}"
+        findings.append(
+            Finding(
+                question,
+                level,
+                text,
+                field,
+                remedy,
+                rates[k],
+                top,
+                unit,
+                concerns=Concern.SERVO_SPEED,
+            )
         )
-        words = (level, text, field, remedy, rates[k], top, unit)
-        findings.append(Finding(question, *words, concerns=Concern.SERVO_SPEED))
     return findings
 
 
@@ -162,11 +170,13 @@ def arm_workspace(poses: ArmPoses) -> list[Finding]:
     vehicle = poses.vehicle
     if not vehicle.end_effector or vehicle.frame().link == BASE:
         return []
-    ends, _ = poses.worst(
-        lambda joints: np.vstack(
-            [tip_places(vehicle, joints).T, -tip_places(vehicle, joints).T]
-        )
-    )
+
+    def both_ways(joints: Array) -> Array:
+        places = tip_places(vehicle, joints).T
+        return np.vstack([places, -places])
+
+    ends, _ = poses.worst(both_ways)
+    # adding zero turns -0.0, which would show its sign, into 0.0
     low, high = (np.round(each, 9) + 0.0 for each in (ends[:3], -ends[3:]))
     box = ", ".join(
         f"{c} {a:.3g} ... {b:.3g}" for c, a, b in zip("xyz", low, high, strict=True)

@@ -51,8 +51,19 @@ def disc_loading(vehicle: Vehicle, gravity: float) -> list[Finding]:
     remedy = f"check {field} (kg, not g?) and rotors.position (m, not mm?)"
     limit = most if loading > least else least
     part = Concern.BASE_LOADING if field == "base.mass" else Concern.ARM_LOADING
-    words = (level, text, field, remedy, loading, limit, "N/m^2")
-    return [Finding("weight on the rotors' discs", *words, concerns=part)]
+    return [
+        Finding(
+            "weight on the rotors' discs",
+            level,
+            text,
+            field,
+            remedy,
+            loading,
+            limit,
+            "N/m^2",
+            concerns=part,
+        )
+    ]
 
 
 STAGGERED = 0.1
@@ -64,6 +75,7 @@ def disc_radius(vehicle: Vehicle) -> float:
     other are not compared.
     """
     least = float(_hub_distances(vehicle).min(initial=np.inf))
+    # a rotor by itself has no neighbour that bounds its disc
     return 0.5 * least if least < np.inf else 0.1
 
 
@@ -74,10 +86,12 @@ def _hub_distances(vehicle: Vehicle) -> Array:
     hubs = np.array([float_array(rotor.position) for rotor in vehicle.rotors])
     apart = np.linalg.norm(hubs[:, None, :2] - hubs[None, :, :2], axis=2)
     most = float(apart.max(initial=0.0))
+    # hubs closer than a twentieth of the largest distance are coaxial
     beside = np.where((apart > 0.05 * most) & (apart > 0.0), apart, np.inf)
     level = np.where(
         np.abs(hubs[:, None, 2] - hubs[None, :, 2]) <= STAGGERED * apart, beside, np.inf
     )
+    # where every pair is staggered heights are no reason to compare none
     return level if np.isfinite(level).any() else beside
 
 
@@ -123,7 +137,8 @@ def _axes(vehicle: Vehicle) -> list[Finding]:
     """Faults for rotors that turn one way and whose thrust points down."""
     findings = []
     for rotor in vehicle.rotors:
-        up, name = float(rotor.axis.z), f"rotors[{rotor.name}].axis"
+        up = float(rotor.axis.z)
+        name = f"rotors[{rotor.name}].axis"
         if up < 0.0 and not rotor.reversible:
             text = f"the thrust of {rotor.name} points down (z of its axis: {up:.3g})"
             remedy = (
@@ -150,7 +165,8 @@ def _coefficients(vehicle: Vehicle) -> list[Finding]:
     """Check results for thrust and moment coefficients, by the rotor furthest from the
     plausible range.
     """
-    radius, findings = disc_radius(vehicle), []
+    radius = disc_radius(vehicle)
+    findings = []
     thrusts = [thrust_number(rotor, radius) for rotor in vehicle.rotors]
     arms = [float(rotor.moment_coefficient) / radius for rotor in vehicle.rotors]
     for field, values, (least, most), what, unit in (
@@ -169,6 +185,7 @@ def _coefficients(vehicle: Vehicle) -> list[Finding]:
             "m; torque over thrust",
         ),
     ):
+        # the ranges span decades: the distance from their middle is one of logarithms
         middle = 0.5 * math.log(least * most)
         value, rotor = max(
             zip(values, vehicle.rotors, strict=True),
@@ -219,7 +236,8 @@ def senses_of_rotation(vehicle: Vehicle, gravity: float) -> Finding:
     turns against the other.
     """
     own = _spread(vehicle, gravity)
-    question, limit = "senses of rotation", UNEVEN if math.isinf(own) else EVENER * own
+    question = "senses of rotation"
+    limit = UNEVEN if math.isinf(own) else EVENER * own
     for count in () if own < UNEVEN else (1, 2) if math.isinf(own) else (1,):
         turns = list(combinations(vehicle.rotors, count))
         tried = [
@@ -271,7 +289,8 @@ def senses_of_rotation(vehicle: Vehicle, gravity: float) -> Finding:
         else f"spread of hover {own:.2g}"
     )
     text += f"; {turning} more turn one way than the other" if turning > 1 else ""
-    level, field = WARNING if turning > 1 else OK, "rotors.direction"
+    level = WARNING if turning > 1 else OK
+    field = "rotors.direction"
     return Finding(
         question,
         level,
@@ -343,6 +362,7 @@ def links_like_rotors(vehicle: Vehicle) -> list[str]:
         if k.parent == BASE
         and abs(float(k.joint.rotation.apply(k.joint.axis).z)) > UPRIGHT
     ]
+    # rotors are equal and stand around the base: their places nearly cancel
     masses = [float(each.body.mass) for each in ring]
     places = [complex(*(each.joint.position - vehicle.base.com)[:2]) for each in ring]
     surround = (

@@ -89,18 +89,12 @@ def balances(scenario: Scenario, lost: str = "") -> list[Balance]:
         lost: name of a vehicle whose grasps are open.
     """
     solved = []
-    for contact in (
-        scenario.worlds if any(each.grasps for each in scenario.worlds) else ()
-    ):
+    for contact in (each for each in scenario.worlds if each.grasps):
         alone = [scenario.of(name) for name in scenario.agents]
-        plants, states = (
-            [each.agent.plant for each in alone],
-            [first_state(each) for each in alone],
-        )
-        motion, memory = (
-            motions_of(plants, states, tuple(scenario.agents))[0],
-            contact.start(0.0, ()),
-        )
+        plants = [each.agent.plant for each in alone]
+        states = [first_state(each) for each in alone]
+        motion = motions_of(plants, states, tuple(scenario.agents))[0]
+        memory = contact.start(0.0, ())
         pulls = [
             row
             for row in contact.gripping.pulls(memory, motion, 0.0)
@@ -112,15 +106,11 @@ def balances(scenario: Scenario, lost: str = "") -> list[Balance]:
                 for grasp, of, pull, frame in pulls
                 if of == index
             ]
-            weight, middle = (
-                float(thing.mass * motion.gravity),
-                float_array(memory.carried[index].position),
-            )
+            weight = float(thing.mass * motion.gravity)
+            middle = float_array(memory.carried[index].position)
             if rows and weight > 0.0:
-                left, remarks = (
-                    [r for r in rows if not lost or r[0].agent != lost],
-                    _remarks(contact, index, motion),
-                )
+                left = [r for r in rows if not lost or r[0].agent != lost]
+                remarks = _remarks(contact, index, motion)
                 solved.append(
                     _balance(thing.name, weight, middle, left, motion, remarks)
                 )
@@ -163,39 +153,35 @@ def _balance(
         motion: motions of the vehicles at the start.
         remarks: remarks about the body.
     """
-    grasps, places = (
-        [row[0] for row in rows],
-        np.array([float_array(row[1]) for row in rows]).reshape(-1, 3),
-    )
+    grasps = [row[0] for row in rows]
+    places = np.array([float_array(row[1]) for row in rows]).reshape(-1, 3)
     lines = np.array([float_array(row[2] - row[1]) for row in rows]).reshape(-1, 3)
-    stretch, K = np.pad(lines, ((0, 0), (0, 3))), np.zeros((len(rows), 6, 6))
+    stretch = np.pad(lines, ((0, 0), (0, 3)))
+    K = np.zeros((len(rows), 6, 6))
     for i, grasp in enumerate(grasps):
-        k, turning, far = (
-            float(grasp.stiffness),
-            float(grasp.radius) ** 2,
-            norm(lines[i]),
-        )
+        k = float(grasp.stiffness)
+        turning = float(grasp.radius) ** 2
+        far = norm(lines[i])
+        # a patch of radius r resists turning by k r^2; a ball and a cable do not
         K[i] = k * np.diag([1.0, 1.0, 1.0, *(3 * [turning * (grasp.kind == "fixed")])])
         if grasp.kind == "cable" and far:
             K[i, :3, :3] = k * np.outer(lines[i], lines[i]) / far**2
             stretch[i] *= 1.0 - float(grasp.length) / far
-    cables, up = (
-        np.array([each.kind == "cable" for each in grasps], dtype=bool),
-        np.array([0.0, 0.0, weight]),
-    )
+    cables = np.array([each.kind == "cable" for each in grasps], dtype=bool)
+    up = np.array([0.0, 0.0, weight])
     while True:
         # about a place on the axis that is free to turn: what no grasp bears is then a
         # moment about this axis alone
-        pole, G = (
-            next(iter(places[K.any(axis=(1, 2))]), middle),
-            np.tile(np.eye(6), (len(rows), 1, 1)),
-        )
+        pole = next(iter(places[K.any(axis=(1, 2))]), middle)
+        G = np.tile(np.eye(6), (len(rows), 1, 1))
+        # without grasps the list is empty, which cannot be assigned
         G[:, 3:, :3] = [np.cross(np.eye(3), arm) for arm in places - pole] or 0.0
         needed = np.array([*up, *np.cross(middle - pole, up)])
         wrenches, free = _springs(G, K, stretch, needed)
         pushes = np.where(cables, -np.sum(wrenches[:, :3] * lines, axis=1), 0.0)
         if not np.any(pushes > ROUNDING * weight):
             break
+        # one cable at a time: another may bear load once this one is slack
         slack = int(np.argmax(pushes))
         K[slack] = 0.0
         remarks = [
@@ -207,11 +193,11 @@ def _balance(
     others, _ = _springs(
         G, K * np.arange(1.0, len(rows) + 1.0)[:, None, None], stretch, needed
     )
-    left, below = (
-        needed - np.einsum("ijk,ik->j", G, wrenches),
-        float(pole[2] - middle[2]),
-    )
-    lever, most, torque = norm(left[3:]) / weight, K[:, 5, 5], lengths(wrenches[:, 3:])
+    left = needed - np.einsum("ijk,ik->j", G, wrenches)
+    below = float(pole[2] - middle[2])
+    lever = norm(left[3:]) / weight
+    most = K[:, 5, 5]
+    torque = lengths(wrenches[:, 3:])
     pivot = "grasp " + ", ".join(
         each.label for each, own in zip(grasps, K, strict=True) if own.any()
     )
@@ -293,15 +279,18 @@ def poses_with_share(
     tilts if grasps pull sideways.
     """
     one = scenario.of(name)
-    vehicle, gravity = one.agent.vehicle, float(one.agent.plant.gravity)
+    vehicle = one.agent.vehicle
+    gravity = float(one.agent.plant.gravity)
     vehicle = vehicle.with_payload(payload) if payload else vehicle
-    load, weight = np.zeros(6 + vehicle.n), float(vehicle.mass) * gravity
+    load = np.zeros(6 + vehicle.n)
+    weight = float(vehicle.mass) * gravity
     for each in bodies:
         load += sum(
             own
             for grasp, own in zip(each.grasps, each.loads, strict=True)
             if grasp.agent in ("", name)
         )
+    # the force that grasps add tilts the thrust: its size counts, beyond the weight
     thrust = math.hypot(*load[3:5], weight + load[5]) - weight
     poses = ArmPoses.only(
         vehicle, doubles([first_state(one).joints]), gravity, WITH_SHARE
@@ -330,10 +319,8 @@ def load_of(
         + ("geometry)" if each.determined else "the stiffness of the grasps)")
         for each in bodies
     )
-    thrust, share = (
-        float(poses.efforts(poses.joints)[WRENCH - 1, 0]),
-        sum(each.share(name) for each in bodies),
-    )
+    thrust = float(poses.efforts(poses.joints)[WRENCH - 1, 0])
+    share = sum(each.share(name) for each in bodies)
     text = (
         f"{' and '.join(shares)}; hover takes {thrust:.4g} N of"
         f" thrust{_spare(margins[0])}"
@@ -374,7 +361,8 @@ def carried_loads(
     It is the share of the weight at the start, until the grasp opens. Sideways pulls of
     cables and internal forces are not in it, nor moments of fixed grasps.
     """
-    team, gravity = scenario.team, float(scenario.agents[name].plant.gravity)
+    team = scenario.team
+    gravity = float(scenario.agents[name].plant.gravity)
     if team is None or team.motion is None or not gravity:
         return []
     loads = []
@@ -448,7 +436,9 @@ def losses(
     """
     findings = []
     for lost in dict.fromkeys(grasp.agent for each in bodies for grasp in each.grasps):
-        after, level, margins = balances(scenario, lost), NOTE, list[float]()
+        after = balances(scenario, lost)
+        level = NOTE
+        margins = list[float]()
         texts = [
             f"{each.body} is no longer in balance: it {each.departure}"
             for each in after

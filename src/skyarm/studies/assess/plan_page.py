@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from skyarm.planning.plan_report import Summary, summary, summary_lines
+from skyarm.planning.plan_report import PlanSummary, summary, summary_lines
 from skyarm.planning.planner import Plan
 from skyarm.planning.task import TaskLimits
 from skyarm.view.figures.plan_figure import limits_figure, motion_figure, motion_frames
@@ -21,6 +21,7 @@ def plan_page(plan: Plan) -> str:
     """Make the HTML page of a plan."""
     found = summary(plan)
     first, *_, last = summary_lines(plan.task.name, found)
+    # no phase begins at the last edge, the end of the flight
     phases = [
         (f"{k}", name, f"{begin:.3f}", f"{length:.3f}")
         for k, ((name, length), begin) in enumerate(
@@ -59,7 +60,7 @@ def plan_page(plan: Plan) -> str:
     return page(f"Plan {plan.task.name}", first, body)
 
 
-def _rows(found: Summary, limits: TaskLimits) -> Iterator[tuple[str, ...]]:
+def _rows(found: PlanSummary, limits: TaskLimits) -> Iterator[tuple[str, ...]]:
     """Rows of the table of what is tight: quantity, largest value, limit, share of it,
     where and when.
     """

@@ -71,17 +71,16 @@ def pressing_flights(scenario: Scenario) -> list[Finding]:
     at = _constant_push(scenario)
     if at is None:
         return []
-    force, unresolved = float(at.push[0]), contact_steps(scenario, at)
+    force = float(at.push[0])
+    unresolved = contact_steps(scenario, at)
     if unresolved:
         return unresolved
     try:
         mean, status, limited = fly_shares(scenario, force)
     except (ScenarioError, ControllerError, NoMachineCodeError) as error:
         return [Finding(QUESTION, NOTE, f"not known: {error}")]
-    ended, off = (
-        status != "completed",
-        np.abs(mean) / (np.array(SHARES)[:, None] * force),
-    )
+    ended = status != "completed"
+    off = np.abs(mean) / (np.array(SHARES)[:, None] * force)
     whole = off[-1][~ended[-1]]
     if not ended[-1].any() and not np.isfinite(whole).any():
         return [
@@ -91,6 +90,7 @@ def pressing_flights(scenario: Scenario) -> list[Finding]:
                 f"not known: {force:.3g} N meet nothing, or for too short a time",
             )
         ]
+    # a flight without values fails by its error, and counts as free of limits
     strained = np.nan_to_num(limited).mean(axis=1)
     fails = (
         ended.any(axis=1)
@@ -147,9 +147,10 @@ def lost_force(scenario: Scenario, log: Log) -> list[str]:
         return []
     force = float(at.push[0])
     error, limited = score(log, ("contact_error_mean", "rotor_saturation")).values()
-    off, (cause, remedy) = abs(error) / force, cause_of(scenario, at, {log.status})
+    off = abs(error) / force
     if log.status == "completed" and not (off > ALLOWED or limited > LIMITED):
         return []
+    cause, remedy = cause_of(scenario, at, {log.status})
     share = f"{100.0 * off:.2g} % off" if math.isfinite(off) else "not held"
     return [
         f"{FORCE}: {force:.3g} N are {share}, with a rotor at its limit"
@@ -178,7 +179,8 @@ def missed_contact(scenario: Scenario, log: Log) -> list[str]:
             if touches
             else [f"{FORCE}: the flight ended without any contact; {remedy}"]
         )
-    lines, begin = list[str](), 0.0
+    lines = list[str]()
+    begin = 0.0
     for number, (kind, end) in enumerate(ends):
         stop = float(log.time[-1]) if end is None else end
         if kind == PRESS and not any(
@@ -198,6 +200,7 @@ def _constant_push(scenario: Scenario) -> Reference | None:
     """
     if not scenario.worlds or not presses(scenario.agent.controller.par):
         return None
+    # only a constant force is a number that flights of one batch can differ in
     try:
         number_at(scenario, VALUE)
     except ScenarioError:
@@ -212,16 +215,13 @@ def contact_steps(scenario: Scenario, at: Reference) -> list[Finding]:
     Stoermer-Verlet steps h are stable up to h sqrt(k / m) = 2; Hairer, Lubich, Wanner
     2003.
     """
-    (contact,), vehicle, period = (
-        scenario.worlds,
-        scenario.agent.vehicle,
-        scenario.rates.period,
-    )
-    joints, push = tuple(map(float, at.joints)), push_on_level_base(at)
-    mass, step = (
-        tip_mass(vehicle, joints, push / np.linalg.norm(push)),
-        float(contact.largest_verlet_step or 0.0),
-    )
+    (contact,) = scenario.worlds
+    vehicle = scenario.agent.vehicle
+    period = scenario.rates.period
+    joints = tuple(map(float, at.joints))
+    push = push_on_level_base(at)
+    mass = tip_mass(vehicle, joints, push / np.linalg.norm(push))
+    step = float(contact.largest_verlet_step or 0.0)
     hardest = max(
         (float(each.material.stiffness) for each in contact.surfaces), default=0.0
     )
@@ -282,14 +282,17 @@ def cause_of(
         at: reference at the largest force.
         statuses: how flights with this force ended.
     """
-    vehicle, joints = scenario.agent.vehicle, tuple(map(float, at.joints))
-    push, force = push_on_level_base(at), float(at.push[0])
+    vehicle = scenario.agent.vehicle
+    joints = tuple(map(float, at.joints))
+    push = push_on_level_base(at)
+    force = float(at.push[0])
     if RotorContact.status in statuses:
         return (
             "a rotor touches a surface",
             "a pose with the tip further ahead of the rotors, or a longer arm",
         )
-    room, (turning, _) = yaw_room(scenario, joints), yaw_torques(scenario, joints, push)
+    room = yaw_room(scenario, joints)
+    turning, _ = yaw_torques(scenario, joints, push)
     if turning > HALF * room:
         text = (
             f"the push beside the middle takes {turning:.3g} of {room:.3g} N m of yaw"
@@ -330,7 +333,8 @@ def reach_left(vehicle: Vehicle, joints: tuple[float, ...]) -> float:
 
     Infinite for an arm of one link, which no force stretches.
     """
-    poses, index = link_poses(vehicle, joints), vehicle.frame().link
+    poses = link_poses(vehicle, joints)
+    index = vehicle.frame().link
     places = [frame_pose(vehicle, vehicle.frame(), joints).p]
     while index != BASE:
         places.append(poses[index].p)

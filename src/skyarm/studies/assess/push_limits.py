@@ -87,6 +87,7 @@ def _law(scenario: Scenario) -> list[Finding]:
 def push_on_level_base(at: Reference) -> Array:
     """Contact force (N) of the surface on the tip, in the axes of a level base."""
     force, _, *normal = map(float, at.push[:5])
+    # into the axes of the base: by the yaw, backwards
     x, y, z = normal
     c, s = math.cos(float(at.yaw)), math.sin(float(at.yaw))
     return force * np.array([c * x + s * y, c * y - s * x, z])
@@ -145,22 +146,33 @@ def yaw_torques(
 
 
 def _joints(scenario: Scenario, at: Reference) -> list[Finding]:
-    vehicle, joints = scenario.agent.vehicle, tuple(map(float, at.joints))
-    efforts, limits = (
-        pushing_efforts(scenario, joints, push_on_level_base(at)),
-        effort_limits(vehicle),
-    )
+    vehicle = scenario.agent.vehicle
+    joints = tuple(map(float, at.joints))
+    efforts = pushing_efforts(scenario, joints, push_on_level_base(at))
+    limits = effort_limits(vehicle)
     shares = np.abs(efforts) / limits
     i = int(np.argmax(shares))
-    share, name = float(shares[i]), vehicle.links[i].joint.name
+    share = float(shares[i])
+    name = vehicle.links[i].joint.name
     unit = vehicle.links[i].joint.units[1]
     text = (
         f"{float(at.push[0]):.3g} N take {abs(efforts[i]):.3g} of {limits[i]:.3g}"
         f" {unit} at joint {name}"
     )
     remedy = "less force, or a pose with the tip nearer to the joint's height"
-    words = ("joints while pressing", share, text, FORCE, remedy)
-    return [at_most(*words, fault=1.0, warning=WARNS, limit=1.0, joints=joints)]
+    return [
+        at_most(
+            "joints while pressing",
+            share,
+            text,
+            FORCE,
+            remedy,
+            fault=1.0,
+            warning=WARNS,
+            limit=1.0,
+            joints=joints,
+        )
+    ]
 
 
 def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
@@ -170,10 +182,8 @@ def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
     joints = tuple(map(float, at.joints))
     if not frictions:
         return []
-    room, (pushing, sliding) = (
-        yaw_room(scenario, joints),
-        yaw_torques(scenario, joints, push_on_level_base(at)),
-    )
+    room = yaw_room(scenario, joints)
+    pushing, sliding = yaw_torques(scenario, joints, push_on_level_base(at))
     torque = pushing + max(frictions) * sliding
     text = (
         f"pushing and sliding take {torque:.3g} of {room:.3g} N m of yaw torque at"
@@ -202,24 +212,21 @@ def _guards(scenario: Scenario, speed: float) -> list[Finding]:
     """Warnings for guards (contact conditions) of a reference whose horizontal force
     would push an object too fast.
     """
-    findings, surfaces = (
-        [],
-        [surface for world in scenario.worlds for surface in world.surfaces],
-    )
+    findings = []
+    surfaces = [surface for world in scenario.worlds for surface in world.surfaces]
+    objects = [thing for world in scenario.worlds for thing in world.objects]
+    standing = [thing for thing in objects if thing.standing]
     friction = max(
         (float(surface.material.friction) for surface in surfaces), default=0.0
     )
     for i, guard in enumerate(scenario.agent.reference.guards):
-        tip, n = (
-            scenario.agent.reference.at(float(guard.at)).tip,
-            np.array(guard.direction),
-        )
+        tip = scenario.agent.reference.at(float(guard.at)).tip
+        n = np.array(guard.direction)
         if guard.force is None or not tip or abs(n[2]) > LEVEL:
             continue
-        for thing in (
-            each for world in scenario.worlds for each in world.objects if each.standing
-        ):
+        for thing in standing:
             away = np.array(tip) - doubles([*thing.position])
+            # the worst case: the whole force acts all the time that it must hold
             bears = friction * float(thing.mass) * float(scenario.agent.plant.gravity)
             driven = (
                 (float(guard.force) - bears) / float(thing.mass) * float(guard.hold)
@@ -295,11 +302,9 @@ def push_errors(
         by: standard deviations of scales, independent from joint to joint, and of
             weights.
     """
-    vehicle, joints, push = (
-        scenario.agent.vehicle,
-        tuple(map(float, at.joints)),
-        push_on_level_base(at),
-    )
+    vehicle = scenario.agent.vehicle
+    joints = tuple(map(float, at.joints))
+    push = push_on_level_base(at)
     errors = part_of(scenario.agent.controller.par, "interaction").errors
     place = levers(vehicle, Mat3.identity(), joints)
     shares = np.array(

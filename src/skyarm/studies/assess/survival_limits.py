@@ -94,7 +94,8 @@ def survival_limits(scenario: Scenario) -> list[Finding]:
     Args:
         scenario: vehicle, law, sensors and delays, of one vehicle.
     """
-    mass, name = float(scenario.agent.vehicle.mass), scenario.agent.controller.name
+    mass = float(scenario.agent.vehicle.mass)
+    name = scenario.agent.controller.name
     most = {
         "bump": FASTEST * mass,
         "lateness": LATEST,
@@ -129,7 +130,8 @@ def flight_together(scenario: Scenario) -> list[Finding]:
     Loops that are stable alone may shake each other through the body.
     """
     try:
-        duration, windows = min(scenario.duration, LONGEST), Windows(last=LAST)
+        duration = min(scenario.duration, LONGEST)
+        windows = Windows(last=LAST)
         log = run(
             with_words(
                 scenario, duration=duration, windows=windows, wind=NO_WIND, air=()
@@ -173,8 +175,10 @@ def largest(scenario: Scenario, most: Mapping[str, float]) -> dict[str, float]:
         ScenarioError, ControllerError: no batch flies the scenario. NoMachineCodeError:
             no compiler.
     """
-    flown, rate = hit_while_swinging(scenario), scenario.rates.control
+    flown = hit_while_swinging(scenario)
+    rate = scenario.rates.control
     blow = f"environment.forces.{len(flown.environment.forces) - 1}.force"
+    # an impulse within one period is that many times as large a force
     factors = [
         ("bump", f"{blow}.{axis}.value", sign * rate)
         for axis in "xyz"
@@ -185,7 +189,8 @@ def largest(scenario: Scenario, most: Mapping[str, float]) -> dict[str, float]:
         ("load in motion", f"payloads.{len(scenario.agent.payloads)}.mass", 1.0),
     ]
     # the first flight has none of them
-    count, steps = 1 + len(factors) * SECTIONS, np.arange(1, SECTIONS + 1) / SECTIONS
+    count = 1 + len(factors) * SECTIONS
+    steps = np.arange(1, SECTIONS + 1) / SECTIONS
     columns = {path: np.full(count, number_at(flown, path)) for _, path, _ in factors}
     for k, (kind, path, factor) in enumerate(factors):
         columns[path][1 + k * SECTIONS :][:SECTIONS] += factor * most[kind] * steps
@@ -200,6 +205,7 @@ def largest(scenario: Scenario, most: Mapping[str, float]) -> dict[str, float]:
         effort=0,
     )
     rows = fly(work)
+    # a blow may leave little more error than the calm flight has
     near = {"bump": rows[LAST_ERROR][0] + NEAR}
     most_off = np.repeat(
         [near.get(kind, LARGEST_ERROR) for kind, _, _ in factors], SECTIONS
@@ -210,6 +216,7 @@ def largest(scenario: Scenario, most: Mapping[str, float]) -> dict[str, float]:
     if calm:
         return {}
     limits = dict(most)
+    # the first lost section ends what is survived; of six directions the worst counts
     for (kind, _, _), flags in zip(
         factors, np.reshape(gone, (-1, SECTIONS)), strict=True
     ):
@@ -236,5 +243,6 @@ def hit_while_swinging(scenario: Scenario) -> Scenario:
             Disturbance(force=SignalVector(x=pulse, y=pulse, z=pulse)),
         ),
         payloads=(*hover.agent.payloads, TimedPayload(mass=0.0, pick=START)),
+        # the memory of commands must reach back as far as the latest that is flown
         delays=replace(delays, longest_command=delays.longest + LATEST),
     )

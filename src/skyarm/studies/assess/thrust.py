@@ -19,7 +19,6 @@ from skyarm.studies.assess.finding import (
     OK,
     WARNING,
     Concern,
-    Details,
     Finding,
     at_least,
 )
@@ -73,12 +72,16 @@ def thrust_margin(poses: ArmPoses) -> list[Finding]:
             "no shipped law flies it: hover turns"
             f" {', '.join(rotor.name for rotor in backwards)} backwards"
         )
-        field, remedy = "rotors.reversible", OWN_LAW
-    words = (f"balance of the rotors{poses.held}", share, text, field, remedy)
+        field = "rotors.reversible"
+        remedy = OWN_LAW
     return [
         _margin(poses, -float(busiest), at[0]),
         at_least(
-            *words,
+            f"balance of the rotors{poses.held}",
+            share,
+            text,
+            field,
+            remedy,
             fault=0.0,
             warning=LEAST_SHARE,
             joints=at[1],
@@ -88,7 +91,8 @@ def thrust_margin(poses: ArmPoses) -> list[Finding]:
 
 
 def _margin(poses: ArmPoses, busiest: float, joints: Array) -> Finding:
-    question, field = f"thrust margin{poses.held}", "rotors.max_speed"
+    question = f"thrust margin{poses.held}"
+    field = "rotors.max_speed"
     if any(math.isinf(float(rotor.max_speed)) for rotor in poses.vehicle.rotors):
         return Finding(
             question,
@@ -106,17 +110,25 @@ def _margin(poses: ArmPoses, busiest: float, joints: Array) -> Finding:
         f"less mass, a shorter arm, or more thrust: {field}, rotors.thrust_coefficient"
     )
     concerns = Concern.THRUST_MARGIN
+    # not "<": a margin that is no number is a fault
     if not margin >= 1.0:
         weight = float(poses.efforts(joints[None])[WRENCH - 1, 0])
         cannot = "cannot hover"
         if not weight < highest_thrust(poses.vehicle):
-            cannot, concerns = (
-                "cannot lift itself",
-                (Concern.LOADED_LIFT if poses.held else Concern.LIFT),
-            )
+            cannot = "cannot lift itself"
+            concerns = Concern.LOADED_LIFT if poses.held else Concern.LIFT
         text = f"{cannot}: {text} ({weight:.3g} N of weight)"
-    words = (question, margin, text, field, remedy)
-    return at_least(*words, fault=1.0, warning=ENOUGH, joints=joints, concerns=concerns)
+    return at_least(
+        question,
+        margin,
+        text,
+        field,
+        remedy,
+        fault=1.0,
+        warning=ENOUGH,
+        joints=joints,
+        concerns=concerns,
+    )
 
 
 AXES = ("roll", "pitch", "yaw")
@@ -133,16 +145,14 @@ def torque_authority(poses: ArmPoses) -> list[Finding]:
     The worst pose is that of the least acceleration: an arm that is stretched out adds
     inertia and takes no torque.
     """
-    sides, directions = (
-        _sides(poses),
-        [sign * np.eye(WRENCH)[axis] for axis in range(3) for sign in (1.0, -1.0)],
-    )
+    sides = _sides(poses)
+    directions = [
+        sign * np.eye(WRENCH)[axis] for axis in range(3) for sign in (1.0, -1.0)
+    ]
 
     def quantities(joints: Array) -> Array:
-        squared, inertias = (
-            poses.squared_speeds(joints),
-            locked_inertia(poses.vehicle, joints),
-        )
+        squared = poses.squared_speeds(joints)
+        inertias = locked_inertia(poses.vehicle, joints)
         rooms = (poses.allocation.room(squared, direction) for direction in directions)
         least = np.stack(
             [room / inertias[:, i // 2, i // 2] for i, room in enumerate(rooms)]
@@ -174,16 +184,19 @@ def torque_authority(poses: ArmPoses) -> list[Finding]:
             else "rotors.position"
         )
         fields += ", base.inertia" + ", rotors.axis" * bool(sides.any())
-        words = (
-            f"{name} authority",
-            acceleration,
-            text,
-            fields,
-            f"check {fields}; more thrust margin",
-        )
-        more = Details(unit="rad/s^2", joints=at[i], concerns=Concern.AUTHORITY)
         findings.append(
-            at_least(*words, fault=FAULTS[axis], warning=WARNINGS[axis], **more)
+            at_least(
+                f"{name} authority",
+                acceleration,
+                text,
+                fields,
+                f"check {fields}; more thrust margin",
+                fault=FAULTS[axis],
+                warning=WARNINGS[axis],
+                unit="rad/s^2",
+                joints=at[i],
+                concerns=Concern.AUTHORITY,
+            )
         )
     return findings
 
@@ -216,17 +229,20 @@ def side_forces(poses: ArmPoses) -> list[Finding]:
         "lean rotors.axis inward, or take a law with a slower attitude:"
         " controller.bandwidth = 0.3"
     )
-    words = (
-        "side force of torques",
-        WARNING,
-        text,
-        "rotors.axis",
-        remedy,
-        zero,
-        SLOWEST_ZERO,
-        "rad/s",
-    )
-    return [Finding(*words)] if zero < SLOWEST_ZERO else []
+    if not zero < SLOWEST_ZERO:
+        return []
+    return [
+        Finding(
+            "side force of torques",
+            WARNING,
+            text,
+            "rotors.axis",
+            remedy,
+            zero,
+            SLOWEST_ZERO,
+            "rad/s",
+        )
+    ]
 
 
 def _sides(poses: ArmPoses) -> Array:
@@ -241,10 +257,8 @@ def _sides(poses: ArmPoses) -> Array:
 
 
 def _mass_matrix(vehicle: Vehicle, joints: Array) -> Array:
-    still, level = (
-        np.zeros((len(joints), 3)),
-        np.tile([1.0, 0.0, 0.0, 0.0], (len(joints), 1)),
-    )
+    still = np.zeros((len(joints), 3))
+    level = np.tile([1.0, 0.0, 0.0, 0.0], (len(joints), 1))
     return mass_matrix(vehicle, still, level, joints)
 
 
@@ -257,6 +271,7 @@ def locked_inertia(vehicle: Vehicle, joints: Array) -> Array:
     """
     M = _mass_matrix(vehicle, joints)
     hanging = hanging_joints(vehicle)
+    # joints without a drive are eliminated, as in a Schur complement
     if hanging:
         free = [0, 1, 2, *(6 + i for i in hanging)]
         turned = M[:, free, 3:6]
@@ -278,7 +293,8 @@ def largest_payload(poses: ArmPoses, payload: float = 0.0) -> list[Finding]:
     pose has its largest mass in closed form; the least of them is sought over the
     poses.
     """
-    question, vehicle = "largest payload", poses.vehicle
+    question = "largest payload"
+    vehicle = poses.vehicle
     if not vehicle.end_effector:
         return [
             Finding(
@@ -319,10 +335,8 @@ def largest_payload(poses: ArmPoses, payload: float = 0.0) -> list[Finding]:
         if level != FAULT
         else f"--payload {payload:g} kg is more than it holds: {text}"
     )
-    limit, concerns = (
-        payload or math.nan,
-        (Concern.NO_PAYLOAD if level == WARNING else ""),
-    )
+    limit = payload or math.nan
+    concerns = Concern.NO_PAYLOAD if level == WARNING else ""
     return [
         Finding(
             question, level, text, binding, remedy, most, limit, "kg", at[0], concerns
@@ -334,7 +348,9 @@ def _largest_by_part(poses: ArmPoses, loaded: ArmPoses, joints: Array) -> Array:
     """Largest payload (kg) that each rotor and joint (rows) can carry in each pose;
     negative if already overloaded.
     """
-    limits, bare = poses.allocation, poses.efforts(joints)
+    # as much reserve with the payload as the thrust margin asks for
+    limits = poses.allocation
+    bare = poses.efforts(joints)
     allocation = replace(
         limits, highest=limits.highest / ENOUGH, lowest=limits.lowest / ENOUGH
     )
@@ -357,10 +373,12 @@ def largest_side_force(
     """Check result for the largest steady horizontal force, as of wind, at which hover
     is possible, N.
     """
-    question, weight = "largest side force", (float(vehicle.mass) + payload) * gravity
+    question = "largest side force"
+    weight = (float(vehicle.mass) + payload) * gravity
     top = float(highest_thrust(vehicle)) / ENOUGH
     if not math.isfinite(top):
         return [Finding(question, NOTE, "not known: a rotor has no max_speed")]
+    # weight and side force are the legs of the thrust's triangle
     force = math.sqrt(max(top * top - weight * weight, 0.0))
     text = (
         f"{force:.3g} N of steady wind in hover, with {1.0 / ENOUGH:.0%} of the largest"

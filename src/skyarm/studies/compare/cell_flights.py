@@ -26,7 +26,7 @@ from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.perturbed_plants import draw, hardest
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.flights import Rows, Work
-from skyarm.studies.trial.facts import Setting
+from skyarm.studies.trial.facts import TrialSetting
 from skyarm.studies.trial.table import spread, success_share, values_of
 from skyarm.studies.trial.trial import Trial
 
@@ -40,9 +40,15 @@ METRICS = (
         for what in ("position", "joint", "ee")
         for how in ("mean", "max")
     ),
-    *("gust_peak_x_continuous", "gust_ee_peak_x_continuous"),
-    *("ee_error_last_mean_continuous", "ee_error_last_max_continuous"),
-    *(JITTER, LIMITED, "rate_rms", "tilt_max", "altitude_error_max_continuous"),
+    "gust_peak_x_continuous",
+    "gust_ee_peak_x_continuous",
+    "ee_error_last_mean_continuous",
+    "ee_error_last_max_continuous",
+    JITTER,
+    LIMITED,
+    "rate_rms",
+    "tilt_max",
+    "altitude_error_max_continuous",
 )
 """Metrics of every flight, named as in :mod:`skyarm.log.metrics.metric_catalogue`; and
 every joint's effort."""
@@ -224,15 +230,15 @@ class CellFlights:
             setpoints: for each vehicle and joint, whether its command is a setpoint of
                 its drive: its torque is then not counted.
         """
-        grasps = GRASPS if len(setpoints) > 1 else ()
-        words = (
+        names = (
             *METRICS,
             EFFORTS,
-            *grasps,
+            # stored rows and tables of one vehicle have no columns of its grasps
+            *(GRASPS if len(setpoints) > 1 else ()),
             *sorted(registered("metric", shipped=False)),
             *self.further_metrics,
         )
-        return row_names(words, setpoints)
+        return row_names(names, setpoints)
 
 
 @immutable(slots=False)
@@ -244,7 +250,7 @@ class TrialFlights(CellFlights):
     """
 
     trial: Trial
-    setting: Setting
+    setting: TrialSetting
     points: tuple[float, ...]
 
     def numbers(self, count: int) -> dict[str, Array]:
@@ -259,11 +265,9 @@ class TrialFlights(CellFlights):
         return np.repeat(self.points, count // len(self.points))
 
 
-SUCCESS_METRIC, PLACED, SUCCESS_LIMIT = (
-    "ee_error_last_max_continuous",
-    "team_position_last",
-    0.020,
-)
+SUCCESS_METRIC = "ee_error_last_max_continuous"
+PLACED = "team_position_last"
+SUCCESS_LIMIT = 0.020
 """Success criterion: the flight completes with the tip within 20 mm of its reference
 throughout the last 5 s, or with the body of a team within 20 mm of its place at the
 end."""
@@ -307,7 +311,9 @@ def successes(cell: Cell) -> Mask:
 
     Where the place of a team's body is counted, that body within 20 mm of its place.
     """
+    # a team's body has a place to be at; without one the tips are judged
     errors = values_of(cell.metrics, PLACED) or values_of(cell.metrics, SUCCESS_METRIC)
+    # NaN of a flight that ended early is no success and no warning
     with np.errstate(invalid="ignore"):
         near: Mask = np.max(errors, axis=0) < SUCCESS_LIMIT
     return cell.completed & near

@@ -25,14 +25,7 @@ from skyarm.studies.compare.team_suite import TEAM, TeamSuite
 from skyarm.studies.flights.executor import Progress
 from skyarm.view.pages import Report, section
 
-SUITES: dict[
-    str,
-    type[Comparison]
-    | type[Envelope]
-    | type[SurviveSuite]
-    | type[ContactSuite]
-    | type[TeamSuite],
-] = {
+SUITES: dict[str, type[Suite[Any]]] = {
     SUITE: Comparison,
     ENVELOPE: Envelope,
     SURVIVE: SurviveSuite,
@@ -128,6 +121,7 @@ def suite_of(
     elif names is not None:
         # of an own scenario any controller flies
         of_suite = ("own", *filter(is_gains_file, names))
+        # parts of the scenario's own law are names in the contact suite alone
         own = OWN if what == CONTACT else () if kind else of_suite if file else names
         options["laws"] = names if kind is TeamSuite else chosen_laws(names, field, own)
     if file:

@@ -13,7 +13,7 @@ from skyarm.studies.compare.cell_flights import CellFlights, Document, Record
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
 from skyarm.studies.compare.run_suite import DPI, Refused, SummarySuite
 from skyarm.studies.compare.suite import CASES, Condition, conditions
-from skyarm.studies.trial.table import COLUMNS, Column, report_of
+from skyarm.studies.trial.table import COLUMNS, TableColumn, report_of
 from skyarm.view.figures.comparison_figures import Share, laws_figure
 from skyarm.view.figures.style import image_bytes
 from skyarm.view.pages import DASH, Report, Section, Table, image, table_of
@@ -62,19 +62,22 @@ class Comparison(SummarySuite[CellFlights]):
 
     def flights(self) -> list[CellFlights]:
         """All flights of the comparison, grouped by controller, condition and case."""
-        return [
-            CellFlights(
-                entrant=entrant,
-                case=CASES[case],
-                condition=condition,
-                seed=self.seed,
-                plant=self.plant,
-            )
-            for entrant in self.entrants.values()
-            for condition in self.conditions.values()
-            for case in condition.cases
-            if not condition.spread or case == WIDEST or entrant.group not in BRIEF
-        ]
+        cells = list[CellFlights]()
+        for entrant in self.entrants.values():
+            for condition in self.conditions.values():
+                brief = condition.spread is not None and entrant.group in BRIEF
+                cells += [
+                    CellFlights(
+                        entrant=entrant,
+                        case=CASES[case],
+                        condition=condition,
+                        seed=self.seed,
+                        plant=self.plant,
+                    )
+                    for case in condition.cases
+                    if not brief or case == WIDEST
+                ]
+        return cells
 
     def plan_cells(self) -> tuple[list[CellFlights], Refused]:
         """All flights of the comparison, and an empty mapping, since no controller is
@@ -199,6 +202,7 @@ def title_of(laws: Sequence[str]) -> str:
     """Title of a comparison of controllers, such as "A against B" for two of them."""
     if len(laws) == 2:
         return f"{laws[0]} against {laws[1]}"
+    # whatever else flies with the shipped ones
     if set(ENTRANTS) <= set(laws):
         return "All laws compared"
     return laws[0] if len(laws) == 1 else f"{len(laws)} laws compared"
@@ -303,7 +307,7 @@ def _table_by_kind(
 
 
 def truth_rows(
-    summaries: Record, entrants: Mapping[str, Entrant], columns: Sequence[Column]
+    summaries: Record, entrants: Mapping[str, Entrant], columns: Sequence[TableColumn]
 ) -> list[list[str]]:
     """Table rows of errors on the unperturbed plant, one per controller with any
     result.
@@ -336,6 +340,7 @@ def plants_rows(
         ]
         for name in entrants
     ]
+    # laws that met no perturbed plant have no row
     return [row for row in rows if set(row[1:]) - {DASH}]
 
 
@@ -344,12 +349,14 @@ def _plants(laws: Record, name: str) -> list[str]:
     if name not in laws:
         return [DASH, DASH, DASH]
     count, metrics = laws[name]["episodes"], laws[name]["metrics"]
+    # an interval does not show that others flew more, or that all flew few
     few = (
         f" of {count}"
         if count < max(FEW, *(each["episodes"] for each in laws.values()))
         else ""
     )
-    share, (low, high) = laws[name]["success_rate"], laws[name]["success_interval"]
+    share = laws[name]["success_rate"]
+    low, high = laws[name]["success_interval"]
     return [
         f"{share:.1%} [{low:.1%}, {high:.1%}]{few}",
         (

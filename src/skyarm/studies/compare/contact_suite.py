@@ -21,7 +21,7 @@ from skyarm.studies.compare.contact_tasks import (
     FLAGSHIP,
     LAWS,
     TASKS,
-    Task,
+    ContactTask,
     flies_its_own,
     scenario_of,
 )
@@ -32,7 +32,7 @@ from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.sweep.expressions import read_expression
 from skyarm.studies.trial.table import (
     COLUMNS,
-    Column,
+    TableColumn,
     refusals,
     report_of,
     success_share,
@@ -64,7 +64,7 @@ class ContactFlights(CellFlights):
     meets_perturbed_plants = True
 
     @property
-    def task(self) -> Task:
+    def task(self) -> ContactTask:
         """Contact task that these flights perform."""
         return TASKS[self.case.name]
 
@@ -94,10 +94,12 @@ def worlds_of(task: str, count: int, seed: int) -> Worlds:
     """Draw perturbed surroundings and plants of a contact task, around its shipped
     scenario.
     """
+    # around the flagship's scenario, so that every law meets the same worlds
     worlds = draw_worlds(
         TASKS[task], scenario_of(TASKS[task], FLAGSHIP, noisy=False), count, seed=seed
     )
     for column in worlds.values.values():
+        # the cache hands one array to all: nobody may write into it
         np.asarray(column).setflags(write=False)
     return worlds
 
@@ -130,27 +132,32 @@ class ContactSuite(Suite[ContactFlights]):
             Condition(name=name, noisy=name == "noisy", episodes=self.worlds)
             for name in CONDITIONS
         ]
-        return [
-            ContactFlights(
-                entrant=Entrant(name=law, law=law),
-                case=Case(name=task),
-                condition=condition,
-                plant=self.plant,
-                seed=self.seed,
-            )
-            for task in self.tasks
-            for law in self.laws
-            for condition in conditions
-            if flies_its_own(TASKS[task], law)
-        ]
+        cells = list[ContactFlights]()
+        for task in self.tasks:
+            for law in self.laws:
+                if not flies_its_own(TASKS[task], law):
+                    continue
+                cells += [
+                    ContactFlights(
+                        entrant=Entrant(name=law, law=law),
+                        case=Case(name=task),
+                        condition=condition,
+                        plant=self.plant,
+                        seed=self.seed,
+                    )
+                    for condition in conditions
+                ]
+        return cells
 
     def plan_cells(self) -> tuple[list[ContactFlights], dict[str, str]]:
         """All flights of the contact benchmark, and reasons why a controller is
         excluded from a task.
         """
-        flown, refused = list[ContactFlights](), dict[str, str]()
+        flown = list[ContactFlights]()
+        refused = dict[str, str]()
         for each in self.flights():
             try:
+                # refuses a law that does not fit
                 each.scenario()
                 flown.append(each)
             except ControllerError as error:
@@ -190,11 +197,13 @@ class ContactSuite(Suite[ContactFlights]):
         return contact_report(found)
 
 
-NUMBERS: Mapping[str, Column] = {column.name: column for column in COLUMNS["contact"]}
+NUMBERS: Mapping[str, TableColumn] = {
+    column.name: column for column in COLUMNS["contact"]
+}
 """Columns by the key of a cell; each is a percentile over completed flights."""
 
 
-def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Mask]:
+def lacks(task: ContactTask, cell: Cell, weight: float, phases: int) -> dict[str, Mask]:
     """Unmet success criteria of a contact task: criterion -> True for each flight that
     fails it.
 
@@ -204,8 +213,11 @@ def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Mask]
         weight: weight of the vehicle, N.
         phases: number of phases of the scenario that was flown; 0 where none waits.
     """
-    m, late = cell.metrics, cell.status == "phase_failed"
+    m = cell.metrics
+    late = cell.status == "phase_failed"
+    # a phase that was late ends a flight that is not lost: it lacks its phases
     unmet = {"lost": ~(cell.tracked_to_end | (late & cell.upright))}
+    # not "<": what was not measured counts as unmet
     unmet["phases"] = late | ~(m["phases_done"] >= phases)
     numbers: Document = {**m, "weight": weight}
     for word, text in task.success.items():
@@ -215,7 +227,7 @@ def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Mask]
     return unmet
 
 
-def cell_record(task: Task, cell: Cell, weight: float, phases: int) -> Document:
+def cell_record(task: ContactTask, cell: Cell, weight: float, phases: int) -> Document:
     """Results of one controller in a contact task as plain data: success rate, failure
     causes, median errors.
 
@@ -230,13 +242,8 @@ def cell_record(task: Task, cell: Cell, weight: float, phases: int) -> Document:
     causes: Counter[str] = Counter()
     for word, flags in lacks(task, cell, weight, phases).items():
         for k in np.flatnonzero(flags & ~bad):
-            causes[
-                (
-                    str(cell.status[k])
-                    if word == "lost" and not cell.completed[k]
-                    else word
-                )
-            ] += 1
+            ended = word == "lost" and not cell.completed[k]
+            causes[str(cell.status[k]) if ended else word] += 1
         bad |= flags
     record: Document = {
         "flights": len(bad),

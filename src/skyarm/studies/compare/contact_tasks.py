@@ -54,7 +54,7 @@ DELAY = 0.010
 
 
 @immutable
-class Task:
+class ContactTask:
     """Contact task of the benchmark: scenario, desired contact force, bounds of
     perturbations, success criteria.
 
@@ -88,8 +88,8 @@ class Task:
     success: Mapping[str, str] = field(default_factory=dict)
 
 
-TASKS: Mapping[str, Task] = {
-    row["name"]: Task(**row) for row in library_rows("contact_tasks")
+TASKS: Mapping[str, ContactTask] = {
+    row["name"]: ContactTask(**row) for row in library_rows("contact_tasks")
 }
 """Tasks by name, in the order of the tables."""
 
@@ -114,12 +114,12 @@ BEHIND = 0.01
 positions."""
 
 
-def document_of(task: Task) -> dict[str, Any]:
+def document_of(task: ContactTask) -> dict[str, Any]:
     """Shipped scenario of a task as plain data."""
     return tomllib.loads((LIBRARY / f"{task.name}.toml").read_text("utf-8"))
 
 
-def flies_its_own(task: Task, law: str) -> bool:
+def flies_its_own(task: ContactTask, law: str) -> bool:
     """True if a variant of the centroidal law behaves differently from the full law in
     a contact task.
 
@@ -134,7 +134,12 @@ def flies_its_own(task: Task, law: str) -> bool:
 
 
 def scenario_of(
-    task: Task, law: str, *, noisy: bool, plant: str = "rigid_body", seed: int = 0
+    task: ContactTask,
+    law: str,
+    *,
+    noisy: bool,
+    plant: str = "rigid_body",
+    seed: int = 0,
 ) -> Scenario:
     """Shipped, unperturbed scenario of a task for one controller.
 
@@ -149,16 +154,15 @@ def scenario_of(
         document["controller"]["load"] = LARGEST
     planned = scenario_from(document)
     if law not in OWN:
+        # the paper's gains fit the paper's vehicle alone
         name = law if document["plant"]["vehicle"] == PAPER else TUNED.get(law, law)
         name = f"{law}{TUNED_GAINS}" if law in RIVALS else name
         planned = planned.with_controller(controller_by_name(planned, name))
     if task.push and not presses(planned.agent.controller.par):
         led = scenario_from(as_positions(task, document))
         planned = led.with_controller(planned.agent.controller)
-    noise, delays = (
-        NOISE if noisy else planned.agent.noise,
-        Delays(longest_command=DELAY),
-    )
+    noise = NOISE if noisy else planned.agent.noise
+    delays = Delays(longest_command=DELAY)
     return with_words(
         planned,
         name=task.name,
@@ -169,17 +173,15 @@ def scenario_of(
     )
 
 
-def as_positions(task: Task, document: dict[str, Any]) -> dict[str, Any]:
+def as_positions(task: ContactTask, document: dict[str, Any]) -> dict[str, Any]:
     """Scenario for a controller without force control: desired tip path offset by
     ``BEHIND`` into the surface.
     """
     path = document["reference"]["tip"]["path"]
     way = [-(task.face + BEHIND) * n for n in task.normal]
-    start, at, phases = (
-        list(path["position"]),
-        list(path["position"]),
-        list[dict[str, Any]](),
-    )
+    start = list(path["position"])
+    at = list(path["position"])
+    phases = list[dict[str, Any]]()
     for phase in path["phases"]:
         replacement = {**phase}
         kind = phase["kind"]
@@ -187,6 +189,7 @@ def as_positions(task: Task, document: dict[str, Any]) -> dict[str, Any]:
             phases.append(
                 {"kind": "go_to", "position": _shift(at, way), "duration": 2.0}
             )
+            # nothing to wait for: any tip within 1 m of its path ends the press
             replacement["until"] = {
                 "error": 1.0,
                 "hold": 0.1,

@@ -34,7 +34,7 @@ from skyarm.studies.compare.contact_tasks import (
     RADIUS,
     STIFFNESS,
     THRUST,
-    Task,
+    ContactTask,
 )
 from skyarm.studies.compare.perturbed_plants import on_sphere
 from skyarm.studies.trial.trial import columns_of
@@ -68,7 +68,9 @@ class Worlds:
         return {"worlds": count, "drawn": self.drawn, "discarded": self.drawn - count}
 
 
-def draw_worlds(task: Task, scenario: Scenario, count: int, *, seed: int) -> Worlds:
+def draw_worlds(
+    task: ContactTask, scenario: Scenario, count: int, *, seed: int
+) -> Worlds:
     """Draw ``count`` feasible perturbed scenarios of a contact task from a seed.
 
     Args:
@@ -81,6 +83,7 @@ def draw_worlds(task: Task, scenario: Scenario, count: int, *, seed: int) -> Wor
         ValueError: more than 30 % of the worlds are discarded: the task asks for more
             than the vehicle can do.
     """
+    # twice what may be discarded; numbers go by index, so more change none before
     drawn = count + 16 + 2 * math.ceil(count * MOST_DISCARDED)
     share = uniforms(seed, np.arange(drawn), CHANNEL, 0, NUMBERS)
     every = {
@@ -100,7 +103,9 @@ def draw_worlds(task: Task, scenario: Scenario, count: int, *, seed: int) -> Wor
     return Worlds(values=_numbers(task, scenario, rows, share[feasible]), drawn=last)
 
 
-def feasible_worlds(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) -> Mask:
+def feasible_worlds(
+    task: ContactTask, scenario: Scenario, drawn: Mapping[str, Array]
+) -> Mask:
     """Feasibility of a contact task: True for each perturbed scenario that the vehicle
     can perform.
 
@@ -134,7 +139,7 @@ def feasible_worlds(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) 
 
 
 def _numbers(
-    task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: Array
+    task: ContactTask, scenario: Scenario, drawn: Mapping[str, Array], share: Array
 ) -> dict[str, Array]:
     """Perturbed parameters of a contact task: parameter path -> values (scenarios,)."""
     wind = on_sphere(2.0 * share[:, 6] - 1.0, 2.0 * math.pi * share[:, 7])
@@ -169,6 +174,7 @@ def _tilt(
     the normal.
     """
     n = np.array(normal)
+    # the axis that n is least along has a cross product far from zero
     first = np.cross(n, np.eye(3)[int(np.argmin(np.abs(n)))])
     first /= np.linalg.norm(first)
     second = np.cross(n, first)

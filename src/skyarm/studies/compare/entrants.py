@@ -51,8 +51,8 @@ class Entrant:
             blocks), and "own" of any other.
         law: a preset or a law. options: options of the law, whatever the condition.
         perfect, noisy: options for either kind.
-        tuned: whether it has the gains of :mod:`skyarm.control.catalogue`. told:
-            whether it receives a known delay.
+        tuned: whether it has the gains of :mod:`skyarm.control.catalogue`.
+        knows_delay: whether it receives a known delay.
     """
 
     name: str
@@ -62,7 +62,7 @@ class Entrant:
     perfect: Mapping[str, Any] = field(default_factory=dict)
     noisy: Mapping[str, Any] = field(default_factory=dict)
     tuned: bool = False
-    told: bool = True
+    knows_delay: bool = True
 
     def controller(self, model: Model, *, noisy: bool) -> Controller:
         """Make the controller for a nominal model, with the known measurement delay if
@@ -71,7 +71,7 @@ class Entrant:
         if self.law in PRESETS:
             return preset(self.law, model)
         options = {**self.options, **(self.noisy if noisy else self.perfect)}
-        if noisy and self.told:
+        if noisy and self.knows_delay:
             options |= suitable_options(self.law, {"delay": DELAY, "delay_periods": 1})
         return (
             make_tuned(self.law, model, **options)
@@ -103,6 +103,7 @@ def chosen_entrants(names: Sequence[str], field: str) -> dict[str, Entrant]:
             law.
     """
     require_different(names, field)
+    # shipped ones in the order of the tables, whatever that of the names
     chosen = {name: each for name, each in ENTRANTS.items() if name in names}
     for name in names:
         entrant = ENTRANTS.get(name) or own_entrant(name)
@@ -144,6 +145,7 @@ def _entrant(row: dict[str, Any]) -> Entrant:
         key: tuple(each) if isinstance(each, list) else each
         for key, each in row.pop("options", {}).items()
     }
+    # a table names the terms that are off; all others are on
     if "without" in options:
         options["terms"] = Terms(**dict.fromkeys(options.pop("without"), False))
     gains = PAPER_GAINS if row.pop("paper_gains", False) else {}

@@ -42,7 +42,7 @@ from skyarm.studies.compare.envelope_axes import (
 )
 from skyarm.studies.compare.run_suite import DPI, Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
-from skyarm.studies.trial.facts import DURATION, PAPER, Setting, setting_of
+from skyarm.studies.trial.facts import DURATION, PAPER, TrialSetting, setting_of
 from skyarm.studies.trial.table import refusals, report_of
 from skyarm.view.figures.comparison_figures import envelope_figure
 from skyarm.view.figures.style import image_bytes
@@ -119,7 +119,7 @@ class AxisFlights(TrialFlights):
 def axis_flights(
     law: str,
     axis: EnvelopeAxis,
-    setting: Setting,
+    setting: TrialSetting,
     *,
     seed: int = 0,
     plant: str = "rigid_body",
@@ -137,8 +137,10 @@ def axis_flights(
     Raises:
         ControllerError: the law does not fit the vehicle.
     """
-    points, inside = axis.of(setting), Window(axis.start, setting.duration)
+    points = axis.of(setting)
+    inside = Window(axis.start, setting.duration)
     whole = AxisFlights(
+        # the paper's gains fit no other vehicle
         entrant=Entrant(name=law, law=TUNED.get(law, law) if axis.vehicle else law),
         case=Case(name=axis.name, windows=Windows(steady=inside, gust=inside)),
         condition=Condition(
@@ -177,11 +179,11 @@ class Envelope(Suite[AxisFlights]):
     settings = ("vehicle", "seed", "plant", "quick")
 
     @property
-    def setting(self) -> Setting:
+    def setting(self) -> TrialSetting:
         """Hover scenario of the vehicle, with the scales of its envelope trials."""
         return setting_of(self.vehicle, QUICK if self.quick else DURATION, self.plant)
 
-    def setting_of_axis(self, name: str) -> Setting:
+    def setting_of_axis(self, name: str) -> TrialSetting:
         """Hover scenario for a difficulty axis: of the envelope's vehicle, or of a
         vehicle that the axis prescribes.
         """
@@ -227,6 +229,8 @@ class Envelope(Suite[AxisFlights]):
                         refused[f"{law} on {axis.vehicle}"] = str(error)
                         continue
                     refused[law] = str(error)
+                    # it flies none of the envelope's vehicle: cells planned before are
+                    # dropped
                     cells = [each for each in cells if each.entrant.name != law]
                     break
         return cells, refused
@@ -270,8 +274,12 @@ LEVELS = (0.010, 0.100)
 first shows where a law is accurate, below the second where it is still usable."""
 
 MEASURED = {
-    **{"tip_mean": TIP, "tip_max": TIP_MAX, "outside": OUTSIDE, "tilt": "tilt_max"},
-    **{"jitter": JITTER, "limited": LIMITED},
+    "tip_mean": TIP,
+    "tip_max": TIP_MAX,
+    "outside": OUTSIDE,
+    "tilt": "tilt_max",
+    "jitter": JITTER,
+    "limited": LIMITED,
 }
 """Key of a point -> metric in m, s, rad, rad/s or as a fraction."""
 
@@ -314,6 +322,7 @@ def _lanes(cell: Cell, axis: EnvelopeAxis) -> list[Document]:
             name: _finite(cell.metrics[metric][k])
             for name, metric in (("judged", axis.metric), *MEASURED.items())
         }
+        # no error is known of a flight that ended before its window
         lost = not cell.tracked_to_end[k] or numbers["judged"] is None
         lanes.append({**numbers, "status": str(status), "lost": bool(lost)})
     return lanes
@@ -359,7 +368,7 @@ def _over(
     return combined if math.isfinite(combined) else None
 
 
-def axis_record(axis: EnvelopeAxis, setting: Setting) -> Document:
+def axis_record(axis: EnvelopeAxis, setting: TrialSetting) -> Document:
     """Description of a difficulty axis as plain data, without results; values in
     display units.
     """
@@ -539,7 +548,8 @@ def reach_text(axis: Record, points: Sequence[Record]) -> str:
     Then the largest rotor jitter where it flies, rad/s, and the largest share of
     periods with a rotor at its limit.
     """
-    values, gone = axis["values"], lost_at(points)
+    values = axis["values"]
+    gone = lost_at(points)
     counts = [within(points, level) for level in LEVELS]
     good = " / ".join(f"{values[count - 1]:g}" if count else DASH for count in counts)
     if gone:

@@ -25,7 +25,7 @@ from skyarm.studies.compare.perturbed_plants import (
     spread_of,
 )
 from skyarm.studies.compare.suite import library_rows
-from skyarm.studies.trial.facts import DURATION, PAPER, Setting
+from skyarm.studies.trial.facts import DURATION, PAPER, TrialSetting
 from skyarm.studies.trial.trial import MOTIONS, Maker, Trial
 from skyarm.vehicle import BodyDrag
 from skyarm.world import MovingAir
@@ -51,14 +51,13 @@ PLANTS = 24
 as the value grows."""
 
 
-def random_curve(built: Scenario, setting: Setting, step: float) -> Scenario:
+def random_curve(built: Scenario, setting: TrialSetting, step: float) -> Scenario:
     """Envelope trial: base and joints follow B-splines with random control points at a
     given spacing (s).
     """
-    draws, ease = (
-        np.random.default_rng(POINTS),
-        signal_from(MOTIONS["parts"]["ease"], "ease"),
-    )
+    draws = np.random.default_rng(POINTS)
+    ease = signal_from(MOTIONS["parts"]["ease"], "ease")
+    # as many as the densest curve takes, so that all values draw the same ones
     count = math.ceil(DURATION / min(AXES["random_curve"].values)) + 8
 
     def curve(span: float) -> Signal:
@@ -81,14 +80,15 @@ def random_curve(built: Scenario, setting: Setting, step: float) -> Scenario:
     )
 
 
-def turbulence(built: Scenario, setting: Setting, mean: float) -> Scenario:
+def turbulence(built: Scenario, setting: TrialSetting, mean: float) -> Scenario:
     """Envelope trial: hover in turbulent wind along x with given mean (m/s), standard
     deviation half the mean.
     """
     drag = BodyDrag(
         area=Vec3(*(2.0 * HULL * setting.weight / 1.225,) * 3), air_density=1.225
     )
-    sigma, length = Vec3(*(0.5 * mean,) * 3), Vec3(*(SCALE_LENGTH,) * 3)
+    sigma = Vec3(*(0.5 * mean,) * 3)
+    length = Vec3(*(SCALE_LENGTH,) * 3)
     gusts = Dryden(intensity=sigma, scale_length=length, airspeed=mean, direction_W=E_X)
     plant = replace(built.agent.plant, vehicle=replace(setting.truth, drag=drag))
     return with_words(
@@ -135,7 +135,7 @@ def axis_words(name: str) -> str:
 
 
 def plants_at(
-    setting: Setting, scenario: Scenario, times: float, count: int, *, seed: int
+    setting: TrialSetting, scenario: Scenario, times: float, count: int, *, seed: int
 ) -> dict[str, Array]:
     """Perturbed plants at one axis value: parameter path -> values (plants,).
 
@@ -146,6 +146,7 @@ def plants_at(
         count: plants.
         seed: key.
     """
+    # the spread was chosen for the paper's vehicle; others have it scaled
     if setting.vehicle == PAPER:
         return draw(scenario, widen(Spread(), times), count, seed=seed)
     spread, _ = spread_of(

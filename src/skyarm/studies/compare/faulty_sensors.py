@@ -83,10 +83,12 @@ class FaultySensors(SensorNoise):
     ) -> tuple[Memory, Measurement]:
         """Reading of the state with noise and failures."""
         before, past = memory
+        # the last draws are of the spikes, so that the noise is that of healthy sensors
         _, true = SensorNoise.measure(
             self, (), t, state, specific_force, draws[:-2], dt
         )
         force = true.specific_force
+        # a number, not a bool: flights of one program differ in it
         late = blend(self.old > 0.5, past[-1], force)
         off = where(
             draws[-2] < SPIKED, where(draws[-1] < 0.5, -self.spike, self.spike), 0.0

@@ -23,7 +23,7 @@ from skyarm.studies.compare.comparison import title_of
 from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.run_suite import Refused, SummarySuite
 from skyarm.studies.compare.suite import Case, Condition
-from skyarm.studies.trial.table import COLUMNS, Column, refusals, report_of
+from skyarm.studies.trial.table import COLUMNS, TableColumn, refusals, report_of
 from skyarm.view.pages import Report, Section, table_of
 
 OWN = "own"
@@ -115,6 +115,7 @@ class OwnScenario(SummarySuite[GivenFlights]):
             try:
                 # refuses a name of no law before the first flight
                 as_scenario(self.scenario, name)
+            # of the default laws those fly that fit; a law that was named must
             except ValueError as error:
                 if tuple(self.laws) != LAWS:
                     raise
@@ -152,16 +153,17 @@ class OwnScenario(SummarySuite[GivenFlights]):
         (case, laws), *_ = found["summaries"][AS_GIVEN].items()
         of_agents = {law: _of_agents(each["metrics"]) for law, each in laws.items()}
         agents = dict.fromkeys(chain.from_iterable(of_agents.values()))
+        # the table of one vehicle has no column of names
         several = len(agents) > 1
         columns = [
             *COLUMNS["own"],
             *(
-                Column(head=f"{each.words}, {each.unit}", metric=name)
+                TableColumn(head=f"{each.words}, {each.unit}", metric=name)
                 for name, each in GRASPS.items()
                 if several
             ),
             *(
-                Column(
+                TableColumn(
                     head=", ".join(filter(None, metric_words(name))),
                     metric=name,
                     fine=math.inf,
@@ -178,25 +180,21 @@ class OwnScenario(SummarySuite[GivenFlights]):
             for law, each in laws.items()
             for agent in agents
         ]
-        endings = [
-            f"{law}: {ending} ({count} of {each['episodes']})"
-            for law, each in laws.items()
-            for ending, count in each["endings"].items()
-            if ending != "completed"
-        ]
+        endings = []
+        for law, each in laws.items():
+            endings += [
+                f"{law}: {ending} ({count} of {each['episodes']})"
+                for ending, count in each["endings"].items()
+                if ending != "completed"
+            ]
         first = ("law", "agent") if several else ("law",)
         table = table_of(
             [*first, "completed", *(each.head for each in columns)],
             rows,
             left=len(first),
         )
-        notes, name = (
-            [
-                *refusals(found),
-                *endings,
-            ],
-            "Means over the flights that came to their end",
-        )
+        notes = [*refusals(found), *endings]
+        name = "Means over the flights that came to their end"
         return report_of(
             f"{title_of(list(laws))}, {case} on {found['plant']}",
             f"seed {found['seed']}",

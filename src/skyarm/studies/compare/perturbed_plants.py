@@ -74,16 +74,13 @@ def draw(
     bodies = ["base", *(f"links.{i}.body" for i in range(truth.n))]
 
     def draw_signed(channel: int, numbers: int) -> Array:
+        # by index: the first plants are the same for any count
         return 2.0 * uniforms(seed, np.arange(count), channel, 0, numbers) - 1.0
 
-    mass, com = (
-        draw_signed(CHANNEL_MASS, len(bodies)),
-        draw_signed(CHANNEL_COM, 3 * len(bodies)),
-    )
-    inertia, world = (
-        draw_signed(CHANNEL_INERTIA, len(bodies)),
-        draw_signed(CHANNEL_WORLD, 4),
-    )
+    mass = draw_signed(CHANNEL_MASS, len(bodies))
+    com = draw_signed(CHANNEL_COM, 3 * len(bodies))
+    inertia = draw_signed(CHANNEL_INERTIA, len(bodies))
+    world = draw_signed(CHANNEL_WORLD, 4)
     values: dict[str, Array] = {}
 
     def scale(path: str, factor: Array) -> None:
@@ -105,10 +102,12 @@ def draw(
     for i in range(len(truth.rotors)):
         scale(f"plant.vehicle.rotors.{i}.thrust_coefficient", thrust)
     for i in range(truth.n):
+        # u is within -1 and 1: from none up to the bound
         values[f"plant.vehicle.links.{i}.joint.damping"] = (
             0.5 * spread.damping * (1.0 + world[:, 0])
         )
     values["plant.payload.mass"] = 0.5 * spread.payload * (1.0 + world[:, 1])
+    # without one the scenario has no memory of late commands
     if spread.delay:
         values["delays.command"] = 0.5 * spread.delay * (1.0 + world[:, 2])
     force = 0.5 * spread.wind * (1.0 + world[:, 3])
@@ -118,12 +117,11 @@ def draw(
     return values
 
 
-FRICTION_PATHS, OBJECT = (
-    (".damping", ".coulomb"),
-    re.compile(r"world\.objects\.\w+\.mass"),
-)
-"""Ends of the paths of numbers that make joints and grasps stiffer; paths of masses
-that touch."""
+FRICTION_PATHS = (".damping", ".coulomb")
+"""Ends of the paths of numbers that make joints and grasps stiffer."""
+
+OBJECT = re.compile(r"world\.objects\.\w+\.mass")
+"""Paths of masses that touch."""
 
 
 def hardest(scenario: Scenario, columns: Mapping[str, Array]) -> dict[str, float]:
@@ -149,6 +147,7 @@ def hardest(scenario: Scenario, columns: Mapping[str, Array]) -> dict[str, float
             rough = path.removesuffix("stiffness") + "friction"
             if rough in columns:
                 extremes[rough] = float((column * columns[rough]).max()) / most
+        # lighter ones need shorter steps; the nominal one's are taken in any case
         elif OBJECT.fullmatch(path) and column.min() < number_at(scenario, path):
             extremes[path] = float(column.min())
     return extremes
@@ -188,7 +187,8 @@ def spread_of(vehicle: Vehicle, gravity: float, delay: float) -> tuple[Spread, f
     reach for both.
     """
     usual = Spread()
-    mass, length = float(vehicle.mass) / MASS, arm_length(vehicle) / ARM
+    mass = float(vehicle.mass) / MASS
+    length = arm_length(vehicle) / ARM
     weakest = 1.0 + usual.thrust[0]
     load, wind = usual.payload * mass, usual.wind * mass
     needed = (load * gravity + wind) / (float(vehicle.mass) * gravity)
@@ -227,6 +227,7 @@ def thrust_margin(vehicle: Vehicle, gravity: float) -> float:
     """Smallest ratio of maximum to hover thrust over all rotors."""
     trim = hover_trim(vehicle, vehicle.zeros, gravity)
     shares = [
+        # a rotor that idles in hover is no bound
         (float(r.max_speed) / max(float(w), 1e-9)) ** 2
         for w, r in zip(trim.speeds, vehicle.rotors, strict=True)
     ]

@@ -33,7 +33,7 @@ from skyarm.studies.compare.cell_flights import (
     Record,
     table,
 )
-from skyarm.studies.flights import Crew, Store
+from skyarm.studies.flights import Store, WorkRunner
 from skyarm.studies.flights.executor import Progress
 from skyarm.studies.flights.store import ROWS, concatenate, files_by_label, unpack_rows
 from skyarm.view.pages import Report
@@ -135,12 +135,13 @@ def fly_suite(
         words = "; ".join(f"--laws: {law}: {why}" for law, why in refused.items())
         raise ValueError(words or "--only: must name trials that the vehicle flies")
     folder = Path(out)
+    # a suite that is refused leaves no empty folder behind
     with taken_back(folder, folder / ROWS):
         store = open_store(require_writable(out))
         with store.alone() if store else nullcontext():
             cells, flown = dict[str, Cell](), dict[str, bytes]()
-            with Crew(on, workers, store) as crew:
-                for work, content in crew.fly(each.work() for each in todo):
+            with WorkRunner(on, workers, store) as runner:
+                for work, content in runner.fly(each.work() for each in todo):
                     cells[work.label] = Cell.of_rows(work, unpack_rows(content))
                     flown[work.label] = content
                     if progress is not None:
@@ -148,6 +149,7 @@ def fly_suite(
             document = {"schema": 1, "suite": suite.name, **suite.options}
             if identities():
                 document["plugins"] = identities()
+            # cells land in any order; the report keeps that of the plan
             document |= suite.judge(todo, [cells[each.label] for each in todo], refused)
             write_suite(suite, document, suite.pictures(document), folder)
             if store:
@@ -195,10 +197,8 @@ def write_suite(
     suite: Suite[F], found: Record, pictures: dict[str, bytes], folder: Path
 ) -> None:
     """Write results and report of a benchmark as JSON, Markdown, HTML and pictures."""
-    report, results = (
-        suite.report(found, pictures),
-        json.dumps(found, indent=1, allow_nan=False) + "\n",
-    )
+    report = suite.report(found, pictures)
+    results = json.dumps(found, indent=1, allow_nan=False) + "\n"
     texts = {
         f"{suite.file}.json": results,
         "tables.md": report.markdown(),

@@ -32,6 +32,7 @@ def library_rows(name: str) -> Iterator[dict[str, Any]]:
     controller, with lists as tuples.
     """
     file = resources.files("skyarm.studies.compare") / "library" / f"{name}.toml"
+    # a file has one array of tables, whatever its name
     (rows,) = tomllib.loads(file.read_text("utf-8")).values()
     for row in rows:
         yield {

@@ -67,11 +67,11 @@ from skyarm.studies.sweep.plan import fastest_plant
 from skyarm.studies.trial.facts import (
     DURATION,
     PAPER,
-    Setting,
+    TrialSetting,
     setting_of,
     setting_of_scenario,
 )
-from skyarm.studies.trial.table import Column, refusals, report_of, values_of
+from skyarm.studies.trial.table import TableColumn, refusals, report_of, values_of
 from skyarm.studies.trial.trial import MOTIONS, Trial
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.view.pages import Report, Section, Table, table_of
@@ -114,7 +114,7 @@ class SuiteTrial(Trial):
         tables = [self.entries, *(agents.values() if isinstance(agents, dict) else ())]
         return any("controller" in table for table in tables if isinstance(table, dict))
 
-    def setting(self, suite: FileSuite, law: str) -> Setting:
+    def setting(self, suite: FileSuite, law: str) -> TrialSetting:
         """Vehicle of the trial under a law, or the trial's scenario.
 
         Raises:
@@ -123,7 +123,8 @@ class SuiteTrial(Trial):
         """
         if not self.file:
             duration = DURATION if self.duration is None else self.duration
-            vehicle, own = suite.vehicle or PAPER, None if law == OWN else law
+            vehicle = suite.vehicle or PAPER
+            own = None if law == OWN else law
             hover = setting_of(
                 vehicle, duration, suite.plant, own, armed=False, at="vehicle"
             )
@@ -162,7 +163,12 @@ class FileFlights(TrialFlights):
         """File name of the stored results; includes the value if each is a scenario of
         its own.
         """
-        return super().label + ("" if self.trial.numbers else f"_{self.points[0]:g}")
+        if self.trial.numbers:
+            return super().label
+        value = self.points[0]
+        short = f"{value:g}"
+        # six digits may be those of two values, whose files would be one
+        return f"{super().label}_{short if float(short) == value else repr(value)}"
 
     def scenario(self) -> Scenario:
         """Scenario of the trial at the first of these values."""
@@ -248,7 +254,8 @@ class FileSuite(Suite[FileFlights]):
         Raises:
             ValueError: one line with file and trial.
         """
-        cells, refused = list[FileFlights](), dict[str, str]()
+        cells = list[FileFlights]()
+        refused = dict[str, str]()
         if any(not trial.file for trial in self.trials):
             with errors_as(ValueError, f"{self.source}: "):
                 # of all that hover: its fault is of no trial
@@ -281,6 +288,7 @@ class FileSuite(Suite[FileFlights]):
                 # refuses a law that does not fit the vehicle
                 controller_by_name(given.of(name), law)
         setting = trial.setting(self, law)
+        # without noise or draws all flights at a value would be one
         if not trial.vary and not has_chance(trial.built(setting, trial.values[0])):
             trial = replace(trial, flights=1)
         every = FileFlights(
@@ -316,11 +324,13 @@ class FileSuite(Suite[FileFlights]):
         """
         trials: Document = {}
         for flights, cell in zip(todo, cells, strict=True):
-            trial, (_, name, law) = flights.trial, flights.name
+            trial = flights.trial
+            _, name, law = flights.name
             entry = trials.setdefault(
                 name,
                 {"title": trial.title, "unit": trial.unit, "values": {}, "laws": {}},
             )
+            # a dict keeps the order: each cell adds its points once
             entry["values"] |= dict.fromkeys(map(str, flights.points))
             points = entry["laws"].setdefault(law, [])
             for k, _ in enumerate(flights.points):
@@ -387,21 +397,23 @@ MEANING = (
 def _criterion(success: Mapping[str, float]) -> str:
     """Sentence with the largest values of the metrics of a successful flight."""
     limits = ((*metric_words(name), most) for name, most in success.items())
-    return (
-        "Success:"
-        f" {', '.join(f'{words} at most {most:g} {unit}'.rstrip() for words, unit, most in limits)}."
+    texts = (
+        f"{words} at most {most:g} {unit}".rstrip() for words, unit, most in limits
     )
+    return f"Success: {', '.join(texts)}."
 
 
 def _point(
     cell: Cell, rows: slice, metrics: Sequence[str], trial: SuiteTrial
 ) -> Document:
     """Results of one law at one value; of several vehicles the largest of theirs."""
-    flown, wanted = cell.completed[rows], (*metrics, *trial.success)
+    flown = cell.completed[rows]
+    wanted = (*metrics, *trial.success)
     numbers = {
         name: np.max([each[rows] for each in values_of(cell.metrics, name)], axis=0)
         for name in wanted
     }
+    # NaN of a flight that ended early is no success and no warning
     with np.errstate(invalid="ignore"):
         good: Mask = np.all(
             [flown, *(numbers[name] <= most for name, most in trial.success.items())],
@@ -426,7 +438,7 @@ def _table(entry: Record, metric: str) -> Table:
     """Table of a metric in a trial: a row for each law, a column for each value."""
     words, unit = metric_words(metric)
     factor, unit, fine = (1e3, "mm", 0.0) if unit == "m" else (1.0, unit, FINE)
-    column = Column(
+    column = TableColumn(
         head=f"{words}, {unit}" if unit else words,
         metric=metric,
         factor=factor,
@@ -440,7 +452,7 @@ def _table(entry: Record, metric: str) -> Table:
     return table_of(["law", *values], rows, title=column.head)
 
 
-def _cell(point: Record, column: Column) -> str:
+def _cell(point: Record, column: TableColumn) -> str:
     if not point["completed"]:
         return ", ".join(point["endings"])
     mean = column.cell(point["means"][column.metric])
@@ -459,7 +471,8 @@ def load_suite(path: PathLike, **options: Any) -> FileSuite:
     Raises:
         ValueError: one line, ``file: table.key = value: what is allowed``.
     """
-    source, only = file_name(path, "suite"), options.pop("only", None)
+    source = file_name(path, "suite")
+    only = options.pop("only", None)
     require_file(source, f"suite = {shown(source)}")
     with errors_as(ValueError, f"{source}: "):
         document = read_toml(Path(source).read_bytes())
@@ -467,7 +480,8 @@ def load_suite(path: PathLike, **options: Any) -> FileSuite:
         top = Fields(document, "")
         top.require_schema()
         require_plugins(top)
-        table, given = top.inner("suite"), top.take("trials", [])
+        table = top.inner("suite")
+        given = top.take("trials", [])
         own = {
             "title": table.text("title", Path(source).stem),
             "laws": chosen_laws(_texts(table, "laws", LAWS), "suite.laws", (OWN,)),
@@ -525,7 +539,8 @@ def _metric(name: str, at: str) -> str:
     """
     if name in GROUPS:
         raise ValueError(f"{at} = {shown(name)}: must be a metric, not a group of them")
-    known, (alone,) = measures(0), catalogue_names([name])
+    known = measures(0)
+    (alone,) = catalogue_names([name])
     if alone not in known and not is_torque(alone):
         words = (
             f"{did_you_mean(alone, known)}must be a metric, such as"
@@ -575,7 +590,8 @@ ELSEWHERE = {
 
 def _trial(table: Fields, usual: Record) -> SuiteTrial:
     """Read one table of a suite."""
-    name, file = table.text("name"), table.text("scenario", "")
+    name = table.text("name")
+    file = table.text("scenario", "")
     if not is_result_name(name):
         raise ValueError(
             f"{table.at('name')} = {shown(name)}: must be the name of a file, of"

@@ -106,7 +106,8 @@ class SurviveSuite(Suite[SurviveFlights]):
 
     def plan_cells(self) -> tuple[list[SurviveFlights], dict[str, str]]:
         """All flights of the suite, and reasons why a law is excluded."""
-        cells, refused = list[SurviveFlights](), dict[str, str]()
+        cells = list[SurviveFlights]()
+        refused = dict[str, str]()
         chosen = [trial for trial in TRIALS.values() if trial.name in self.conditions]
         for law in self.laws:
             try:
@@ -120,21 +121,15 @@ class SurviveSuite(Suite[SurviveFlights]):
         self, law: str, trials: Sequence[SurviveTrial]
     ) -> list[SurviveFlights]:
         """Flights of a law in the trials of a group."""
-        cells, end, setting = (
-            list[SurviveFlights](),
-            trials[0].duration,
-            trials[0].setting(self.vehicle, self.plant),
-        )
-        windows, common = (
-            Windows(steady=Window(end - LAST, end), gust=Window(START, end)),
-            None,
-        )
+        cells = list[SurviveFlights]()
+        end = trials[0].duration
+        setting = trials[0].setting(self.vehicle, self.plant)
+        windows = Windows(steady=Window(end - LAST, end), gust=Window(START, end))
+        common = None
         for trial in trials:
             for value in trial.values[-1:] if self.quick else trial.values:
-                once, row = (
-                    trial.flights(setting, value),
-                    f"{trial.name.replace('_', ' ')} {value:g} {trial.unit}",
-                )
+                once = trial.flights(setting, value)
+                row = f"{trial.name.replace('_', ' ')} {value:g} {trial.unit}"
                 lanes = tuple(once * (NOISES if trial.noisy and not self.quick else 1))
                 # flights that differ in numbers share the scenario, and so the program,
                 # of their group
@@ -164,6 +159,7 @@ class SurviveSuite(Suite[SurviveFlights]):
                         near=trial.near,
                     )
                 )
+        # equal columns in all cells of a group, so that they share one program
         shared = {path: own for cell in cells for path, own in cell.paths.items()}
         return [replace(cell, paths=shared) if cell.paths else cell for cell in cells]
 

@@ -20,7 +20,7 @@ from skyarm.scenario.scenario_record import Scenario, with_words
 from skyarm.studies.compare.cell_flights import Document
 from skyarm.studies.compare.faulty_sensors import FaultySensors
 from skyarm.studies.compare.suite import library_rows
-from skyarm.studies.trial.facts import PAPER, Setting, setting_of
+from skyarm.studies.trial.facts import PAPER, TrialSetting, setting_of
 from skyarm.studies.trial.trial import Maker, Trial, with_entries
 
 MODEL = "hummingbird_arm2"
@@ -30,13 +30,14 @@ HEIGHT = 4.34
 """Height (m) of the base: skids are 1.2 m above the surfaces of the landing."""
 
 
-def faulty_sensors(built: Scenario, setting: Setting, value: float) -> Scenario:
+def faulty_sensors(built: Scenario, setting: TrialSetting, value: float) -> Scenario:
     """Scenario whose sensors can fail, beside their noise."""
     return with_words(built, noise=FaultySensors(**parts(built.agent.noise)))
 
 
-def known_damping(built: Scenario, setting: Setting, value: float) -> Scenario:
+def known_damping(built: Scenario, setting: TrialSetting, value: float) -> Scenario:
     """Scenario whose joints are damped, and whose model has that damping."""
+    # in plant and model alike: stiffness is on trial here, not a mismatch
     paths = (
         "plant.vehicle.links.{}.joint.damping",
         "model.vehicle.links.{}.joint.damping",
@@ -76,7 +77,7 @@ class SurviveTrial(Trial):
 
     makers = MADE
 
-    def setting(self, vehicle: str, plant: str) -> Setting:
+    def setting(self, vehicle: str, plant: str) -> TrialSetting:
         """Vehicle by name or file in a hover with its own model."""
         usual = setting_of(vehicle, self.duration, plant)
         high = replace(usual.hover.agent.reference, z=Constant(HEIGHT))
@@ -91,18 +92,19 @@ class SurviveTrial(Trial):
             usual, document=document | model, hover=usual.hover.with_reference(high)
         )
 
-    def under(self, setting: Setting, law: str, value: float) -> Scenario:
+    def under(self, setting: TrialSetting, law: str, value: float) -> Scenario:
         """Scenario that the flights at a value have in common, under a law.
 
         Raises:
             ControllerError: the law does not fit the vehicle.
         """
+        # the law is made of what it may know, and flies what is there
         known = replace(self, entries=with_entries(self.entries, self.known))
         return self.scenario(setting, value).with_controller(
             controller_by_name(known.scenario(setting, value), law)
         )
 
-    def flights(self, setting: Setting, value: float) -> list[dict[str, float]]:
+    def flights(self, setting: TrialSetting, value: float) -> list[dict[str, float]]:
         """Numbers of the flights at a value: parameter path -> number."""
         return [
             replace(self, numbers=numbers).numbers_of(setting, value)

@@ -96,7 +96,8 @@ class TeamCondition(Condition):
             given: team that it describes.
         """
         changed = with_entries(document, self.tables)
-        world, own = changed["world"], changed["agents"][given.last]
+        world = changed["world"]
+        own = changed["agents"][given.last]
         entries: Document = {
             "agents": {given.last: {**self.last}},
             "world": {},
@@ -154,7 +155,8 @@ class TeamCondition(Condition):
         """Table of a grasp with the stiffness of the condition, and with the time at
         which the last member's opens.
         """
-        changed, own = dict(entry), given.grasps.get(entry["agent"])
+        changed = dict(entry)
+        own = given.grasps.get(entry["agent"])
         if own is None or entry["body"] != own.body:
             return changed
         if self.stiffness != 1.0:
@@ -168,19 +170,18 @@ class TeamCondition(Condition):
 
     def change_path(self, scenario: Scenario, last: str) -> Scenario:
         """Scenario in which the path of a named member is late."""
+        if not self.late:
+            return scenario
 
         def later(signal: Signal) -> Signal:
+            # a constant is the same at any time
             return (
                 signal if isinstance(signal, Constant) else Shifted(signal, self.late)
             )
 
         agent = scenario.agents[last]
         agent = replace(agent, reference=with_signals(agent.reference, later))
-        return (
-            replace(scenario, agents={**scenario.agents, last: agent})
-            if self.late
-            else scenario
-        )
+        return replace(scenario, agents={**scenario.agents, last: agent})
 
     def columns(
         self, scenario: Scenario, given: CarryingTeam, seed: int
@@ -193,7 +194,9 @@ class TeamCondition(Condition):
             given: the team before its changes.
             seed: seed of the draws.
         """
-        name, agents, last = given.body.name, scenario.agents, f"agents.{given.last}"
+        name = given.body.name
+        agents = scenario.agents
+        last = f"agents.{given.last}"
         several = {"masses": [*agents, name], "wind": [*AXES[:2]]}
         spread = {
             f"{each}_{part}": table
@@ -202,16 +205,15 @@ class TeamCondition(Condition):
         }
         vary = {path: distribution_from(table, path) for path, table in spread.items()}
         draws = Design(vary=vary, episodes=self.episodes, seed=seed)
-        drawn, found = values(draws, np.arange(self.episodes)), dict[str, Array]()
+        drawn = values(draws, np.arange(self.episodes))
+        found = dict[str, Array]()
         if "masses" in self.vary:
             found[f"world.objects.{name}.mass"] = (
                 float(given.body.mass) * drawn[f"masses_{name}"]
             )
             for agent in agents:
-                vehicle, at = (
-                    agents[agent].plant.vehicle,
-                    f"agents.{agent}.plant.vehicle",
-                )
+                vehicle = agents[agent].plant.vehicle
+                at = f"agents.{agent}.plant.vehicle"
                 bodies = {"base": vehicle.base} | {
                     f"links.{link.name}.body": link.body for link in vehicle.links
                 }
@@ -289,14 +291,13 @@ class CarryingTeam:
         """
         off = (self.places[-1] - self.places.mean(axis=0)) * [1.0, 1.0, 0.0]
         size = np.linalg.norm(off)
+        # a member in the middle of all has no way outward: along x
         return off / size if size > 1e-6 else np.array([1.0, 0.0, 0.0])
 
     @property
     def onset(self) -> float:
         """Time (s) at which wind rises, and at which a member is lost."""
         assert self.team.motion is not None
-        lift, stop = (
-            float(self.team.motion.lift),
-            min(float(self.team.motion.stop), self.scenario.duration),
-        )
+        lift = float(self.team.motion.lift)
+        stop = min(float(self.team.motion.stop), self.scenario.duration)
         return round(lift + (stop - lift) * BEGIN, 3)

@@ -51,10 +51,8 @@ class TeamFlights(CellFlights):
         document, folder = read_named(
             file_name(self.given, "scenario"), "scenario", LIBRARY
         )
-        given, law = (
-            team_of(scenario_from(document, folder), str(self.given)),
-            self.entrant.law,
-        )
+        given = team_of(scenario_from(document, folder), str(self.given))
+        law = self.entrant.law
         noisy: Document = {
             "sensors": dataclasses.asdict(NOISE),
             "delays": {"measurement": DELAY},
@@ -116,9 +114,9 @@ def under_law(document: Document, law: str) -> Document:
     if document["team"]["law"] == law:
         return document
     entries = dict(LAWS[law])
-    words = field_names(find("team", law)) or ()
+    options = field_names(find("team", law)) or ()
     team = {
-        key: entry for key, entry in document["team"].items() if key in words
+        key: entry for key, entry in document["team"].items() if key in options
     } | entries.pop("team")
     own = {
         name: entries
@@ -170,11 +168,14 @@ class TeamSuite(SummarySuite[TeamFlights]):
             )
         own = load_scenario(self.scenario)
         given = team_of(own, str(self.scenario))
-        case, planned = Case(name=own.name), list[TeamFlights]()
+        case = Case(name=own.name)
+        planned = list[TeamFlights]()
         refused = dict[str, str]()
         for name in self.rows:
             row = {"episodes": self.seeds, **ROWS[name]}
-            laws, plant = row.pop("laws", tuple(LAWS)), row.pop("plant", self.plant)
+            # a condition may be of some laws, or of a plant, alone
+            laws = row.pop("laws", tuple(LAWS))
+            plant = row.pop("plant", self.plant)
             condition = TeamCondition(**row)
             if why := condition.refusal(given.team):
                 refused[name] = why
@@ -206,18 +207,19 @@ class TeamSuite(SummarySuite[TeamFlights]):
     ) -> Report:
         """Report of the benchmark with one table: a row per condition and law."""
         word = "title" if self.scenario == FLOWN else "own"
-        rows = [
-            [
-                ROWS[row].get(word, ROWS[row]["title"]),
-                law,
-                f"{each['success']} of {each['episodes']}",
-                *(column.text(each["metrics"]) for column in COLUMNS["team"]),
+        rows = []
+        for row, cases in found["summaries"].items():
+            title = ROWS[row].get(word, ROWS[row]["title"])
+            ((case, laws),) = cases.items()
+            rows += [
+                [
+                    title,
+                    law,
+                    f"{each['success']} of {each['episodes']}",
+                    *(column.text(each["metrics"]) for column in COLUMNS["team"]),
+                ]
+                for law, each in laws.items()
             ]
-            for row, cases in found["summaries"].items()
-            for laws in cases.values()
-            for law, each in laws.items()
-        ]
-        (case, *_), *_ = found["summaries"].values()
         notes = [
             f"not flown: {name} {why}"
             for name, why in found.get("not_flown", {}).items()

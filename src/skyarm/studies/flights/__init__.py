@@ -2,8 +2,8 @@
 stored results.
 """
 
-from skyarm.studies.flights.executor import Crew
+from skyarm.studies.flights.executor import WorkRunner
 from skyarm.studies.flights.store import Store
 from skyarm.studies.flights.work import Rows, Work
 
-__all__ = ["Crew", "Rows", "Store", "Work"]
+__all__ = ["Rows", "Store", "Work", "WorkRunner"]

@@ -76,7 +76,7 @@ class Executor(Protocol):
         """
 
 
-class Here:
+class InProcess:
     """Executor that runs one function call at a time, in this process."""
 
     slots = 1
@@ -111,7 +111,7 @@ class Here:
 def _executor(on: str, workers: int) -> Executor:
     """Create the execution backend of a given name."""
     if on == LOCAL:
-        return Here()
+        return InProcess()
     if on == PROCESSES:
         from skyarm.studies.flights.processes import Processes
 
@@ -121,7 +121,7 @@ def _executor(on: str, workers: int) -> Executor:
     return Ray(on.partition(":")[2], workers)
 
 
-class Crew:
+class WorkRunner:
     """Runner that simulates work items on a chosen backend and stores their results;
     stored ones are not repeated.
 
@@ -143,15 +143,14 @@ class Crew:
     def __init__(
         self, on: str | None = LOCAL, workers: int = 1, store: Store | None = None
     ) -> None:
-        self.on, self.workers = (
-            (None if on is None else require_place(on)),
-            require_count("workers", workers),
-        )
+        self.on = None if on is None else require_place(on)
+        self.workers = require_count("workers", workers)
         self.store = store
         self._executor: Executor | None = None
         self.flights = 0
 
-    def __enter__(self) -> Crew:
+    def __enter__(self) -> WorkRunner:
+        # a component of the user may have changed since an earlier runner
         identified.clear()
         return self
 
@@ -164,6 +163,7 @@ class Crew:
         if self._executor is not None:
             for work, content in self._executor.close(abandon=kind is not None):
                 if self.store is not None:
+                    # what is not kept flies again; the error that ends all matters more
                     with contextlib.suppress(OSError):
                         self.store.put(work, content)
         if self.store is not None:
@@ -210,6 +210,7 @@ class Crew:
             self._executor = _executor(on, self.workers)
         while self._executor.flying >= self._executor.slots:
             yield self._collect(self._executor)
+        # elsewhere a worker is one processor, and so a work has one thread
         metadata = self.store.metadata(work) if self.store else {}
         self._executor.submit(
             work, rows_file, work, metadata, self.workers if on == LOCAL else 1
@@ -244,6 +245,7 @@ class Crew:
         for work in works:
             there = self.store.get(work) if self.store else None
             if there is None:
+                # flights one by one share no program
                 groups.setdefault(
                     id(work) if work.alone else (work.program, work.seed), []
                 ).append(work)

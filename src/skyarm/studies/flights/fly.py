@@ -42,7 +42,8 @@ def fly_together(works: Sequence[Work], threads: int = 1) -> list[Rows]:
     """Simulate work items of equal compiled program and seed as one batch; results are
     as in separate ones.
     """
-    first, ends = works[0], np.cumsum([work.count for work in works])[:-1]
+    first = works[0]
+    ends = np.cumsum([work.count for work in works])[:-1]
     if first.alone:
         return [{**_leading_columns(first), **_one_by_one(first)}]
     columns = {
@@ -76,6 +77,7 @@ def _batch(work: Work) -> Batch:
     """Compiled simulation of a work item, shared with other work items of the same
     program.
     """
+    # taken out and put back: the program used longest ago is the first to go
     batch = _programs.pop(work.program, None)
     if batch is None:
         batch = Batch(
@@ -142,6 +144,7 @@ def _metrics_of(work: Work, log: Log) -> list[str]:
 
 
 def _column(values: list[float | str | bytes]) -> Array:
+    # numpy's own bytes lose zeros at their end, and a log may end with some
     return np.array(values, dtype=object if isinstance(values[0], bytes) else None)
 
 
@@ -156,7 +159,8 @@ def one_scenario(work: Work, k: int) -> Scenario:
         seed=work.seed,
         episode=int(work.episodes[k]),
     )
-    agents, rate = dict(single.agents), single.rates.physics
+    agents = dict(single.agents)
+    rate = single.rates.physics
     for path, seconds in late.items():
         name = agent_of(path) or next(iter(agents))
         delays = replace(

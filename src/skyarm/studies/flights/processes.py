@@ -35,8 +35,11 @@ class Processes:
     """
 
     def __init__(self, count: int) -> None:
-        self.slots, self._count = 2 * count, count
+        # a second call waits for each process, which so is never idle
+        self.slots = 2 * count
+        self._count = count
         self._flying: dict[Future[bytes], tuple[Work, bytes, int]] = {}
+        # children of others, which are not ended here
         self._before = set(multiprocessing.active_children())
         self._pool: ProcessPoolExecutor | None = None
 
@@ -70,7 +73,8 @@ class Processes:
         with _ignore_interrupts(), suppress(BrokenProcessPool):
             self._flying[self._pool.submit(perform, call)] = token, call, tries
             return
-        broken: Future[bytes] = Future()  # told of where it lands
+        # collect() meets its error, and begins the call again
+        broken: Future[bytes] = Future()
         broken.set_exception(BrokenProcessPool())
         self._flying[broken] = token, call, tries
 
@@ -192,12 +196,14 @@ def _end_with_parent() -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
+        # not sys.exit, which ends a thread alone
         os._exit(1)
 
 
 @contextmanager
 def _ignore_interrupts() -> Iterator[None]:
     """Context in which new processes ignore Ctrl-C from their start."""
+    # Python lets the main thread alone set handlers
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -83,7 +83,8 @@ class Ray:
         self._ray = require_ray("on = 'ray'")
         self._flying: dict[ObjectRef, Work] = {}
         self._landed: list[ObjectRef] = []
-        self._slots, self._counted = 1, -LOOK_SECONDS
+        self._slots = 1
+        self._counted = -LOOK_SECONDS
         outfit = pack((luggage(), TRIED))
         self._ours = not self._ray.is_initialized()
         if self._ours:
@@ -94,8 +95,10 @@ class Ray:
                 " or that address"
             )
         try:
-            self._kin, self._outfit = kin(), self._ray.put(outfit)
+            self._kin = kin()
+            self._outfit = self._ray.put(outfit)
             self._perform = self._ray.remote(max_retries=MOST_TRIES)(_travelling())
+        # a cluster started here must not outlive a failed start
         except BaseException:
             self.close(abandon=True)
             raise
@@ -106,6 +109,7 @@ class Ray:
         at present.
         """
         if time.monotonic() > self._counted + LOOK_SECONDS:
+            # a second call waits for each processor, which so is never idle
             self._slots = max(1, int(2 * self._ray.cluster_resources().get("CPU", 0)))
             self._counted = time.monotonic()
         return self._slots
@@ -159,7 +163,8 @@ class Ray:
 
         Returns what has landed, as :meth:`collect` gives it.
         """
-        flying, sound = self._flying, list[tuple[Work, bytes]]()
+        flying = self._flying
+        sound = list[tuple[Work, bytes]]()
         self._flying = {}
         with suppress(*([Exception] if abandon else [])):
             wait = {"num_returns": len(flying), "timeout": 0 if abandon else None}
@@ -186,6 +191,7 @@ def require_ray(where: str) -> ModuleType:
         ValueError: one line: it is not installed, or not as a whole.
     """
     for name, value in SETTINGS.items():
+        # what the user has set stays
         os.environ.setdefault(name, value)
     try:
         ray = import_module("ray")
@@ -221,7 +227,8 @@ def _without_warnings() -> Iterator[None]:
     Cut off, Ray leaves processes behind. The handler of SIGTERM, which it replaces, is
     the former one afterwards.
     """
-    main, came = threading.current_thread() is threading.main_thread(), list[int]()
+    main = threading.current_thread() is threading.main_thread()
+    came = list[int]()
     usual = {each: signal.getsignal(each) for each in ENDINGS} if main else {}
     for each in usual:
         signal.signal(each, lambda number, _: came.append(number))
@@ -327,6 +334,7 @@ def perform_on_node(must_be: dict[str, str], outfit: bytes, call: bytes) -> byte
     Raises:
         ValueError: the node has other versions than the driver.
     """
+    # versions and plugins are checked once in each process
     if outfit not in _arrived:
         has = kin()
         wrong = [name for name, version in must_be.items() if has.get(name) != version]

@@ -86,19 +86,20 @@ def pack_rows(rows: Rows, metadata: Mapping[bytes, bytes]) -> bytes:
         return pickle.dumps(rows)
     import pyarrow as pa
 
-    words = [name for name, column in rows.items() if column.dtype.kind == "U"]
+    texts = [name for name, column in rows.items() if column.dtype.kind == "U"]
     columns = {
-        name: _words(pa, each) if name in words else _numbers(pa, each)
+        name: _texts(pa, each) if name in texts else _numbers(pa, each)
         for name, each in rows.items()
     }
-    table, sink = pa.table(columns).replace_schema_metadata(metadata), io.BytesIO()
-    parquet.write_table(table, sink, compression="zstd", use_dictionary=words)
+    table = pa.table(columns).replace_schema_metadata(metadata)
+    sink = io.BytesIO()
+    parquet.write_table(table, sink, compression="zstd", use_dictionary=texts)
     return sink.getvalue()
 
 
-def _words(pa: ModuleType, column: Array) -> DictionaryArray:
-    words, places = np.unique(column, return_inverse=True)
-    texts = [word.encode() for word in words.tolist()]
+def _texts(pa: ModuleType, column: Array) -> DictionaryArray:
+    different, places = np.unique(column, return_inverse=True)
+    texts = [text.encode() for text in different.tolist()]
     ends = np.cumsum([0, *map(len, texts)]).astype(np.int32)
     strings = pa.StringArray.from_buffers(
         len(texts), pa.py_buffer(ends), pa.py_buffer(b"".join(texts))
@@ -111,10 +112,8 @@ def _words(pa: ModuleType, column: Array) -> DictionaryArray:
 def _numbers(pa: ModuleType, column: Array) -> ArrowArray:
     if column.dtype.kind not in "fiu":
         return pa.array(column)
-    kind, content = (
-        pa.from_numpy_dtype(column.dtype),
-        pa.py_buffer(np.ascontiguousarray(column)),
-    )
+    kind = pa.from_numpy_dtype(column.dtype)
+    content = pa.py_buffer(np.ascontiguousarray(column))
     # array() would import pandas, 0.2 s
     return pa.Array.from_buffers(kind, len(column), [None, content])
 
@@ -149,8 +148,8 @@ def _column(column: ChunkedArray) -> Array:
         return np.asarray(column.to_numpy())
     whole = column.unify_dictionaries().combine_chunks()
     whole = whole.chunk(0) if isinstance(whole, pa.ChunkedArray) else whole
-    words = np.array(whole.dictionary.to_pylist(), dtype=object)
-    return np.asarray(words[whole.indices.to_numpy()])
+    texts = np.array(whole.dictionary.to_pylist(), dtype=object)
+    return np.asarray(texts[whole.indices.to_numpy()])
 
 
 def open_rows(content: bytes) -> ParquetFile:
@@ -193,6 +192,7 @@ def open_rows(content: bytes) -> ParquetFile:
     ):
         # a small file could repeat one for ever
         raise ValueError("must have each log by itself")
+    # a value may take few bytes in the file and eight once it is unpacked
     require_size(
         max(sum(sizes), 8 * sum(counts), 8 * facts.num_rows * facts.num_columns),
         content,
@@ -207,9 +207,9 @@ def _is_of_rows(kind: DataType) -> bool:
     import pyarrow as pa
 
     types = pa.types
-    words = types.is_dictionary(kind) and types.is_string(kind.value_type)
+    is_text = types.is_dictionary(kind) and types.is_string(kind.value_type)
     return bool(
-        words
+        is_text
         or types.is_floating(kind)
         or types.is_integer(kind)
         or types.is_binary(kind)
@@ -226,10 +226,10 @@ def concatenate(files: Iterable[tuple[bytes, Sequence[str]]]) -> bytes:
     from pyarrow.parquet import write_table
 
     tables = [open_rows(content).read().select(list(names)) for content, names in files]
-    table, sink = (
-        pa.concat_tables(tables, promote_options="default").replace_schema_metadata(),
-        io.BytesIO(),
-    )
+    table = pa.concat_tables(
+        tables, promote_options="default"
+    ).replace_schema_metadata()
+    sink = io.BytesIO()
     place = table.column_names.index("status")
     write_table(table.set_column(place, "status", table["status"].cast("string")), sink)
     return sink.getvalue()
@@ -242,6 +242,7 @@ def sound_content(path: Path, *, named: bool = True) -> bytes | None:
     match = FILE.fullmatch(path.name)
     try:
         with path.open("rb") as file:
+            # one byte more tells that a file is too large
             content = file.read(int(LARGEST) + 1)
     except OSError:
         return None
@@ -290,7 +291,10 @@ def files_by_label(folder: PathLike) -> dict[str, list[Path]]:
         return files
     with os.scandir(folder) as entries:
         names = sorted(
-            entry.name for entry in entries if entry.is_file(follow_symlinks=False)
+            # a link could lead out of the folder
+            entry.name
+            for entry in entries
+            if entry.is_file(follow_symlinks=False)
         )
     for name in names:
         if match := FILE.fullmatch(name):
@@ -343,7 +347,8 @@ class Store:
     """
 
     def __init__(self, folder: PathLike, *, study: str = "") -> None:
-        self.folder, self.study = require_writable(folder), study
+        self.folder = require_writable(folder)
+        self.study = study
         self.rows = require_writable(require_no_link(self.folder / ROWS))
         self.damaged, self.written = list[str](), set[str]()
 
@@ -386,13 +391,15 @@ class Store:
         """Content of the stored result file of a work item; None if it must be
         simulated.
         """
-        label, key = name_of(work.label), work.key.encode()
+        label = name_of(work.label)
+        key = work.key.encode()
         for path in self._files.get(label, ()):
             content = sound_content(path)
             stored_key = facts_of(content or b"").metadata.get(KEY)
             if content is not None and stored_key == key and _fits(content, work):
                 self._keep_only(label, path)
                 return content
+            # rows of another work are no damage: they only do not count
             if stored_key in (None, key) and path.exists():
                 self.damaged.append(path.name)
         return None
@@ -420,6 +427,7 @@ class Store:
             return
         label = name_of(work.label)
         path = self.rows / f"{label}.{hashlib.sha256(content).hexdigest()}.parquet"
+        # the folder's list is flushed once for all files, by close()
         write_inside(path, content, entry=False)
         self._keep_only(label, path)
         self.written.add(path.name)
@@ -464,7 +472,7 @@ def _fits(content: bytes, work: Work) -> bool:
     ]
     if work.alone:
         given = [name for name in given if not is_torque(name)]
-    words = {name for name, column in rows.items() if column.dtype == object} - {"log"}
+    texts = {name for name, column in rows.items() if column.dtype == object} - {"log"}
     text_columns = {
         "status",
         *(
@@ -479,11 +487,11 @@ def _fits(content: bytes, work: Work) -> bool:
     numbers = {
         name: column.dtype
         for name, column in rows.items()
-        if name not in (*words, "log")
+        if name not in (*texts, "log")
     }
     return (
         {*given} <= {*rows}
-        and words == text_columns
+        and texts == text_columns
         and all(
             kind == dtypes.get(name, np.dtype(float)) for name, kind in numbers.items()
         )

@@ -136,6 +136,7 @@ class Work:
                 },
                 "log": self.keeps_log,
                 "versions": {
+                    # only flights by themselves may be on MuJoCo's plant
                     **kinship(),
                     **(versions("mujoco-core") if self.alone else {}),
                 },
@@ -145,6 +146,7 @@ class Work:
 
 def _bytes(column: Array) -> str:
     array = np.ascontiguousarray(column)
+    # type and shape, too: equal bytes may be other numbers
     return hashlib.sha256(
         f"{array.dtype.str} {array.shape} ".encode() + array.tobytes()
     ).hexdigest()
@@ -154,13 +156,14 @@ identified: OrderedDict[int, tuple[Scenario, str]] = OrderedDict()
 """Scenarios by address with their digests; they are stored so that no other object
 takes the address.
 
-A component of the user may be changed, so that it holds for one crew only."""
+A component of the user may be changed, so that it holds for one runner only."""
 
 
 def _identity(scenario: Scenario) -> str:
     entry = identified.get(id(scenario))
     if entry is None:
         entry = identified[id(scenario)] = (scenario, identity(scenario))
+        # each entry keeps its scenario alive: memory is bounded
         if len(identified) > 256:
             identified.popitem(last=False)
     return entry[1]
@@ -183,6 +186,7 @@ def _source() -> str:
     """Digest of the library's source code: changed code invalidates stored results."""
     package = Path(skyarm_files.__file__).parents[2]
     source_digest = hashlib.sha256()
+    # shipped tables decide numbers as code does
     for path in sorted(
         [*package.rglob("*.py"), *package.rglob("*.toml"), *package.rglob("*.json")]
     ):

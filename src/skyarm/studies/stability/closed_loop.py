@@ -90,11 +90,17 @@ def close_loop(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
     the commands.
     """
     whole, late = _split(loop, loop.command_delay + extra_delay)
-    nx, nm, nu, ny = loop.x_x.shape[1], len(loop.m_m), loop.u_m.shape[0], len(loop.y_x)
+    nx = loop.x_x.shape[1]
+    nm = len(loop.m_m)
+    nu = loop.u_m.shape[0]
+    ny = len(loop.y_x)
     r = loop.measurement_delay
     ends = np.cumsum([0, nx, nm, *[ny] * r, *[nu] * (whole + 1)])
     places = [slice(int(a), int(b)) for a, b in pairwise(ends)]
-    x, m, readings, queue = places[0], places[1], places[2 : 2 + r], places[2 + r :]
+    x = places[0]
+    m = places[1]
+    readings = places[2 : 2 + r]
+    queue = places[2 + r :]
     size = int(ends[-1])
     one = np.eye(size)
     now = np.zeros((ny, size))
@@ -155,6 +161,7 @@ def _split(loop: OpenLoop, delay: float) -> tuple[int, int]:
     """
     step = loop.period / len(loop.lates)
     count = round(delay / step)
+    # sums of delays are whole multiples but for rounding
     if abs(delay - count * step) > 1e-6 * step + 1e-12:
         raise ValueError(f"delay = {delay!r}: must be a whole number of {step:g} s")
     return divmod(count, len(loop.lates))
@@ -167,6 +174,7 @@ def _in_loop(A: Array, enters: Array, sent: Array, states: int) -> Mask:
     links = (A != 0.0) | (
         ((enters != 0.0).astype(float) @ (sent != 0.0).astype(float)) > 0.0
     )
+    # a state is in the loop if it acts on the vehicle and the vehicle on it
     first = np.zeros(len(A), dtype=bool)
     first[:states] = True
     return _reachable(links, first) & _reachable(links.T, first)

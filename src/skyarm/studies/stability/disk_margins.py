@@ -136,7 +136,9 @@ def frequency_grid(z: Complex, period: float) -> Array:
         LOWEST, highest, max(2, round(DECADE * np.log10(highest / LOWEST)) + 1)
     )
     s = np.log(z[np.abs(z) > DEAD].astype(complex)) / period
+    # of conjugate eigenvalues one is enough
     s = s[(s.imag > 0.0) & (np.abs(s.real) < WIDE * s.imag)]
+    # an undamped resonance would have all its frequencies at one
     around = s.imag[:, None] + np.maximum(np.abs(s.real), 1e-6)[:, None] * np.array(
         AROUND
     )
@@ -158,17 +160,13 @@ class Response:
     def at(self, frequencies: Array) -> Complex:
         """Responses (frequencies, outputs, inputs) at frequencies in rad/s."""
         z = np.exp(1j * doubles(frequencies) * self.period)[:, None, None]
-        responses = [
-            self.C @ np.linalg.solve(some * np.eye(len(self.A)) - self.A, self.B)
-            for some in _parts(z)
-        ]
-        return np.concatenate(
-            [np.zeros((0, len(self.C), self.B.shape[1]), dtype=complex), *responses]
-        )
-
-
-def _parts(z: Complex) -> list[Complex]:
-    return [z[k : k + AT_ONCE] for k in range(0, len(z), AT_ONCE)]
+        responses = np.zeros((len(z), len(self.C), self.B.shape[1]), dtype=complex)
+        for k in range(0, len(z), AT_ONCE):
+            some = slice(k, k + AT_ONCE)
+            responses[some] = self.C @ np.linalg.solve(
+                z[some] * np.eye(len(self.A)) - self.A, self.B
+            )
+        return responses
 
 
 ROUNDS = 30
@@ -201,6 +199,7 @@ def upper_bound(M: Complex) -> Array:
     scaled = _perron_scaled(M)
     bounds = np.linalg.norm(scaled, ord=2, axis=(1, 2))
     lowest = 0.0
+    # only the largest bound counts: others are lowered while they exceed it
     while len(bounds) and bounds.max() > lowest * (1.0 + CLOSE):
         worst = int(np.argmax(bounds))
         bounds[worst] = min(bounds[worst], _descend(scaled[worst]))
@@ -213,6 +212,7 @@ def _perron_scaled(M: Complex) -> Complex:
     |M|.
     """
     size = np.abs(M)
+    # a zero matrix gets positive entries as well
     size = size + SMALLEST * size.max(axis=(1, 2), keepdims=True, initial=1e-300)
     right, left = np.ones(M.shape[:2]), np.ones(M.shape[:2])
     for _ in range(ROUNDS):
@@ -236,7 +236,10 @@ def _descend(M: Complex) -> float:
         moved = d[:, None] * M / d[None, :]
         lower, its_slope = _slope(moved)
         if lower < value * (1.0 - ENOUGH):
-            M, value, slope, step = moved, lower, its_slope, 1.5 * step
+            M = moved
+            value = lower
+            slope = its_slope
+            step = 1.5 * step
         else:
             step *= 0.5
     return value
@@ -331,6 +334,7 @@ class _Port:
 
     def alone(self, port: str, longest: float, stable: bool) -> list[LoopMargin]:
         """Disk and delay margin of each channel, cut alone."""
+        # S is 1 + T, so that S - 1/2 is T + 1/2
         sizes = np.abs(np.diagonal(self.T, axis1=1, axis2=2) + 0.5)
         margins = []
         for i, channel in enumerate(self.channels):
@@ -418,7 +422,8 @@ def _refine(response: Response, grid: Array) -> tuple[Array, Complex]:
             for k in np.argmax(np.abs(np.diagonal(T, axis1=1, axis2=2) + 0.5), axis=0)
         }
     ):
-        low, high = grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)]
+        low = grid[max(k - 1, 0)]
+        high = grid[min(k + 1, len(grid) - 1)]
         more.append(np.linspace(low, high, 2 * BETWEEN + 1)[1:-1])
     added = np.setdiff1d(np.concatenate(more), grid)
     order = np.argsort(np.concatenate([grid, added]))

@@ -236,12 +236,15 @@ def frozen_instants(flight: Scenario, count: int) -> Iterator[Frozen]:
     linearise at each.
     """
     flight = flight.with_kind("rigid_body")
+    # flown once: what compiles quickly is ready sooner
     engine = Engine(EpisodeCode(flight, commands=False, effort=0))
-    inputs, differentiator = engine.inputs, Differentiator(flight)
+    inputs = engine.inputs
+    differentiator = Differentiator(flight)
     for k in range(1, count + 1):
         # the instant is fed a row, so that the last one is that of the last period
         until = min(round(k * flight.steps / count), flight.steps - 1)
         while engine.tick < until:
+            # the flight ended early: there are no later instants
             if not engine.fly(until):
                 return
         now = carry_of(engine.first, leaves(engine.now))
@@ -376,6 +379,7 @@ class SettledHover:
         count = len(columns[0])
         parameters = self._leg.parameters(columns, count)
         carry = self._leg.begin(parameters, 0, np.zeros(count, dtype=int), None)
+        # sets of gains that diverge overflow, and count as no hover
         with np.errstate(all="ignore"):
             carry, _ = self._leg.fly(carry, parameters, 0, np.arange(count), threads)
         settled = [

@@ -104,7 +104,8 @@ def _split(
         ScenarioError: a memory moves with the plant or follows its state: the loop
             without it is another.
     """
-    memoryless, left_out = list[Component[Tree]](), list[str]()
+    memoryless = list[Component[Tree]]()
+    left_out = list[str]()
     for i, part in enumerate(getattr(scenario, field)):
         name = f"environment.{field}[{i}]"
         memory = part.start(scenario.rates.period, (0.5,) * (2 * part.uniforms))
@@ -132,6 +133,7 @@ def _follows_state(part: Component[Tree], memory: Tree, scenario: Scenario) -> b
 
     program = trace(advance, memory, (0.0,), state, (0.5,) * part.uniforms)
     needed = {node.index for node in program.nodes}
+    # inputs are in the order of the arguments: memory, time, state
     start = len(leaves(memory)) + 1
     return any(
         node.index in needed
@@ -214,6 +216,7 @@ def with_lag(scenario: Scenario, share: Scalar) -> Scenario:
 
     def one_lag(rotor: Rotor) -> Rotor:
         up, down = rotor.time_constant_up, rotor.time_constant_down
+        # without a lag the mean of both would be 0 / 0
         if concrete(up, down) and up == down == 0.0:
             return rotor
         lag = up * down / (down + share * (up - down))

@@ -157,6 +157,7 @@ def believed_delay(scenario: Scenario) -> float:
     """Nominal loop delay, s: the larger of the delay stated to the controller and the
     scenario's delay.
     """
+    # a law without that option reckons with no delay
     nominal = (
         float(getattr(innermost(scenario.agent.controller.par), "delay_periods", 0))
         / scenario.rates.control

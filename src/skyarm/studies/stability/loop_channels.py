@@ -107,7 +107,8 @@ def vehicle_channels(
         attitude: base to world at the instant: the attitude is cut in rotations about
             the base's axes.
     """
-    rotors, joints = len(vehicle.rotors), vehicle.joint_names
+    rotors = len(vehicle.rotors)
+    joints = vehicle.joint_names
     size = rotors + len(joints)
     channels = single(
         [f"rotor {rotor.name}" for rotor in vehicle.rotors], "rotors", COMMANDS, size
@@ -141,19 +142,19 @@ def _pushes(rotors: Sequence[Rotor], speeds: Array, size: int) -> list[LoopChann
     """
     B = wrenches(rotors)
     lengths = np.linalg.norm(B, axis=1, keepdims=True)
+    # no rotor pushes in this direction: its row stays zero
     lengths[lengths == 0.0] = 1.0
     scaled = B / lengths
     axes = 6 if np.linalg.matrix_rank(scaled, tol=1e-6) == 6 else 4
+    # the thrust of a rotor that stands has no slope
     if (
         np.linalg.matrix_rank(scaled[:axes], tol=1e-6) < axes
         or not (speeds > 0.0).all()
     ):
         return []
     slope = 2.0 * speeds
-    reads, enters = (
-        scaled[:axes] * slope,
-        np.linalg.pinv(scaled[:axes]) / slope[:, None],
-    )
+    reads = scaled[:axes] * slope
+    enters = np.linalg.pinv(scaled[:axes]) / slope[:, None]
     none = np.zeros(size - len(speeds))
     return [
         LoopChannel(
@@ -197,6 +198,7 @@ def _rotations(
 ) -> list[LoopChannel]:
     """Cut points at a measured attitude: small rotations about the base's axes."""
     w, x, y, z = map(float, attitude)
+    # columns of length 1/2: four times the transpose inverts it
     Q = 0.5 * np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]])
     channels = []
     for i, name in enumerate(names):

@@ -80,6 +80,7 @@ def margins(loop: OpenLoop, *, measured: bool = True) -> Margins:
         else np.array([math.inf], dtype=complex)
     )
     z = z[np.argsort(-np.abs(z), kind="stable")]
+    # an eigenvalue of zero, of a pure delay, has the rate -inf
     with np.errstate(divide="ignore"):
         s = np.log(z) / loop.period
     size = float(np.abs(z).max(initial=0.0))
@@ -111,10 +112,8 @@ def _gain(as_it_is: Closed, stable: bool, group: slice) -> tuple[float, float]:
         factors[group] = gain
         return spectral_radius(as_it_is.matrix(factors)) > EDGE
 
-    low, high = (
-        gain_edge(is_unstable, 1.0 / STRIDE, 1.0 / WIDEST),
-        gain_edge(is_unstable, STRIDE, WIDEST),
-    )
+    low = gain_edge(is_unstable, 1.0 / STRIDE, 1.0 / WIDEST)
+    high = gain_edge(is_unstable, STRIDE, WIDEST)
     return 0.0 if low == 1.0 / WIDEST else low, math.inf if high == WIDEST else high
 
 
@@ -125,12 +124,15 @@ def gain_edge(
     stable up to there.
     """
     nearer = min if limit > 1.0 else max
-    good, gain = 1.0, nearer(stride, limit)
+    good = 1.0
+    gain = nearer(stride, limit)
     while not is_unstable(gain):
         if gain == limit:
             return limit
-        good, gain = gain, nearer(gain * stride, limit)
+        good = gain
+        gain = nearer(gain * stride, limit)
     for _ in range(HALVINGS):
+        # factors are ratios: the interval is halved in logarithms
         middle = math.sqrt(good * gain)
         good, gain = (good, middle) if is_unstable(middle) else (middle, gain)
     return good

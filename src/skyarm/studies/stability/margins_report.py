@@ -40,8 +40,7 @@ def margin_lines(found: Evidence) -> list[str]:
     head = ("at", "max |z|", "slowest", "damping", "delay", *GAINS.values())
     swings = []
     if found.instants:
-        least = min(each.swings for each in found.instants)
-        tolerated = "more than 100" if math.isinf(least) else _number(1e3 * least)
+        tolerated = _milliseconds(min(each.swings for each in found.instants))
         swings = [
             f"small swings grow in flight from {tolerated} ms of further dead time on"
         ]
@@ -59,13 +58,12 @@ def margin_lines(found: Evidence) -> list[str]:
 def _row(each: LinearisedInstant) -> Row:
     """Make the table row of eigenvalues and stability margins at one instant."""
     rates = [s for m in each.by_lag.values() for s in m.s]
+    damping = [-s.real / abs(s) for s in rates if s.imag != 0.0]
     return (
         "hover" if each.hover else f"{each.time:.2f} s",
         f"{each.radius:.6f}",
         f"{max((s.real for s in rates), default=-math.inf):.3g}",
-        (
-            f"{min((-s.real / abs(s) for s in rates if s.imag != 0.0 and abs(s) > 0.0), default=1.0):.2f}"
-        ),
+        f"{min(damping, default=1.0):.2f}",
         _number(1e3 * each.delay),
         *("-".join(map(_factor, each.gain(field))) for field in GAINS),
     )
@@ -75,13 +73,14 @@ def _factor(value: float) -> str:
     """Format a gain margin in at most four characters."""
     if math.isinf(value):
         return "none"
-    return (
-        f"{value:.0f}"
-        if value >= 99.95
-        else f"{value:.1f}"
-        if value >= 9.995
-        else f"{value:.2f}"
-    )
+    # from where on rounding would take one character more
+    digits = 0 if value >= 99.95 else 1 if value >= 9.995 else 2
+    return f"{value:.{digits}f}"
+
+
+def _milliseconds(seconds: float) -> str:
+    """Format a delay in ms; no delay beyond 100 ms is looked at."""
+    return "more than 100" if math.isinf(seconds) else f"{1e3 * seconds:.3g}"
 
 
 def _number(value: float) -> str:
@@ -191,8 +190,8 @@ def margins_page(found: Evidence, loci: Sequence[Locus], picture: bytes = b"") -
             for name in ("delay", "swings")
         )
         facts = (
-            f"delay margin {1e3 * delay:.3g} ms; small swings grow from"
-            f" {1e3 * swings:.3g} ms on"
+            f"delay margin {_milliseconds(delay)} ms; small swings grow from"
+            f" {_milliseconds(swings)} ms on"
         )
         facts += f"; instants: {len(found.instants)}"
     if found.left_out:

@@ -61,6 +61,7 @@ def _diagram(ax: Axes, locus: Locus) -> None:
                 linewidth=0.0,
             )
         )
+    # a gap where the curve runs far out, not a line across the picture
     L = np.where(np.abs(locus.L) < 1e3, locus.L, np.nan)
     ax.plot(L.real, L.imag, color=CURVE, linewidth=1.1)
     ax.plot(L.real, -L.imag, color=CURVE, linewidth=0.6, linestyle="--")

@@ -214,10 +214,8 @@ class Differentiator:
         )
         first = self._first = self._program.first
         require_no_memory(self.scenario, first)
-        self._period, self._substeps = (
-            scenario.rates.period,
-            self._program.plant.substeps,
-        )
+        self._period = scenario.rates.period
+        self._substeps = self._program.plant.substeps
         ratio = scenario.rates.physics // scenario.rates.control
         self.lates = np.arange(ratio) / scenario.rates.physics
         self._point = open_point(first, len(scenario.agent.power))
@@ -245,11 +243,9 @@ class Differentiator:
         """Next state, measurement, controller state and command, with the loop open
         between them.
         """
-        stages, scenario, (late, _) = (
-            period.stages,
-            period.stages.scenario,
-            period.numbers[0],
-        )
+        stages = period.stages
+        scenario = stages.scenario
+        late, _ = period.numbers[0]
         row = cast("InputRow[Reference]", period.row.given[0])
         power = tuple(
             each.supply(charge, self._period, point.state, point.old.rotor_speeds)
@@ -273,10 +269,8 @@ class Differentiator:
         )
         # a drive hears the mean of both commands once in a period, as it does in flight
         heard = mean_efforts(point.old, point.new, late, self._period)
-        state, given_drives = (
-            point.state,
-            zip(scenario.agent.all_drives, point.drives, heard, strict=False),
-        )
+        state = point.state
+        given_drives = zip(scenario.agent.all_drives, point.drives, heard, strict=False)
         drives = tuple(
             drive.advance(
                 memory, u, state.joints[i], state.joint_rates[i], self._period
@@ -300,7 +294,8 @@ class Differentiator:
         # well
         count = self._substeps(self._period).near
         step = COUPLED_STEP[scenario.integrator]
-        worlds, part = (scenario.agent.plant,), seconds / count
+        worlds = (scenario.agent.plant,)
+        part = seconds / count
         return repeat(
             count, lambda x: step(worlds, (x,), (command,), air, part)[0][0], state
         )
@@ -337,7 +332,9 @@ class Differentiator:
         ]
         columns = np.cumsum([0, sizes[0] - 1, *sizes[1:5]])
         x, old, new, m, y = (slice(int(a), int(b)) for a, b in pairwise(columns))
-        first, following = parts[0], np.array([part[0] for part in parts])
+        # only the next state depends on when a command arrives
+        first = parts[0]
+        following = np.array([part[0] for part in parts])
         return OpenLoop(
             period=self._period,
             rotors=len(point.state.rotor_speeds),

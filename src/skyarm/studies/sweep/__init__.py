@@ -2,14 +2,14 @@
 and statistics.
 """
 
-from skyarm.studies.sweep.runner import Summary, run_sweep
+from skyarm.studies.sweep.runner import SweepSummary, run_sweep
 from skyarm.studies.sweep.study import Study, StudyError
 from skyarm.studies.sweep.study_file import list_studies, load_study, study_from
 
 __all__ = [
     "Study",
     "StudyError",
-    "Summary",
+    "SweepSummary",
     "list_studies",
     "load_study",
     "run_sweep",

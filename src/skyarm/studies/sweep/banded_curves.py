@@ -118,7 +118,8 @@ def variable(rows: Rows, text: str, field: str) -> Variable:
     """
     name, equals, after = text.partition("=")
     if text in rows.parameters:
-        unit, logarithmic = rows.manifest.units.get(text, ""), rows.is_logarithmic(text)
+        unit = rows.manifest.units.get(text, "")
+        logarithmic = rows.is_logarithmic(text)
         return Variable(
             words=words_of(text),
             unit=unit,
@@ -151,6 +152,7 @@ def _cells(values: Array) -> IntArray:
     equal count.
     """
     different, place = np.unique(values, return_inverse=True)
+    # values that recur have a cell each; others share cells of equally many
     if different.size <= LISTED and values.size >= 2 * different.size:
         return place
     cells = int(np.clip(values.size / PER_CELL, FEWEST_CELLS, MOST_CELLS))

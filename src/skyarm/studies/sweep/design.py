@@ -92,6 +92,7 @@ def _unit(draws: Design, episodes: IntArray, index: int) -> Array:
         float(uniforms(draws.seed, 0, SHIFT_CHANNEL + index, 0, 1)[0]) * 2.0**BITS
     )
     shifted = sobol(episodes, index) ^ np.uint64(shift)
+    # the middle of its interval: a quantile at 0 or 1 may be infinite
     return (shifted.astype(np.float64) + 0.5) * 2.0**-BITS
 
 
@@ -106,8 +107,10 @@ def extremes(draws: Design) -> dict[str, tuple[float, float, int, int]]:
             low, high, first, last = ranges.get(path, (np.inf, -np.inf, 0, 0))
             i, j = int(column.argmin()), int(column.argmax())
             if column[i] < low:
-                low, first = float(column[i]), block[i]
+                low = float(column[i])
+                first = block[i]
             if column[j] > high:
-                high, last = float(column[j]), block[j]
+                high = float(column[j])
+                last = block[j]
             ranges[path] = low, high, first, last
     return ranges

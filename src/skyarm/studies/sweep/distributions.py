@@ -158,6 +158,7 @@ class Values:
 
     def quantile(self, u: Array) -> Array:
         """Quantile of the discrete distribution at probability ``u``."""
+        # a product just below the count may round up to it
         index = np.minimum((u * len(self.values)).astype(int), len(self.values) - 1)
         return np.asarray(np.array(self.values)[index])
 
@@ -194,6 +195,7 @@ def _grid(value: object, at: str) -> Values:
     start, stop, _ = _numbers(value, at, (3, 3), "3 numbers, [start, stop, count]")
     _require_ascending((start, stop), at, value)
     given = value[2] if isinstance(value, list) else None
+    # not isinstance: True is an int to it
     if type(given) is not int or not 2 <= given <= MOST_VALUES:
         raise ValueError(
             f"{at}[2] = {shown(given)}: must be a whole number from 2 to {MOST_VALUES}"
@@ -208,6 +210,7 @@ def _interval(value: object, at: str) -> tuple[float, float]:
 
 
 def _require_ascending(ends: tuple[float, float], at: str, value: object) -> None:
+    # a range beyond the largest double would overflow
     if not ends[0] < ends[1] or not math.isfinite(ends[1] - ends[0]):
         raise ValueError(
             f"{at} = {shown(value)}: must be two numbers, the first below the second"

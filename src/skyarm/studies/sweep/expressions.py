@@ -18,9 +18,10 @@ characters from 1.
 from __future__ import annotations
 
 import ast
-import math
 import re
+import sys
 from collections.abc import Collection, Mapping
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -146,7 +147,8 @@ def read_expression(
         """Python identifier in place of a dotted parameter name, of equal length to
         keep error positions.
         """
-        name, call = match["quoted"] or match["plain"], match["call"] or ""
+        name = match["quoted"] or match["plain"]
+        call = match["call"] or ""
         if call and name != FUNCTION:
             why = f"{shown(name)} must not be called; the one function is {FUNCTION}"
             raise _wrong(field, text, match.start(), why)
@@ -168,21 +170,22 @@ def read_expression(
         ] = name
         return stands
 
+    # no letter of the text may be taken for that of a placeholder
     plain = text if text.isascii() else text.replace(LETTER, "\0")
     parsed = NAMES.sub(word, plain)
     try:
         tree = ast.parse(parsed, mode="eval").body
+    # the parser answers deep nesting by MemoryError
     except (SyntaxError, ValueError, MemoryError) as error:
         raise _wrong(
             field, text, (getattr(error, "offset", None) or 1) - 1, GRAMMAR
         ) from None
     for node in ast.walk(tree):
-        leaf = type(getattr(node, "value", "")) in (int, float) or getattr(
-            node, "id", ""
-        ) in (*words, FUNCTION)
-        if not isinstance(node, ast.expr) or (
-            leaf and math.isfinite(getattr(node, "value", 0))
-        ):
+        number: Any = getattr(node, "value", "")
+        # not math.isfinite, which overflows at whole numbers beyond the largest double
+        is_number = type(number) in (int, float) and number <= sys.float_info.max
+        is_name = getattr(node, "id", "") in (*words, FUNCTION)
+        if is_number or is_name or not isinstance(node, ast.expr):
             continue
         if _operation(node) not in OPERATIONS or (
             isinstance(node, ast.Call) and len(_operands(node)) != 1

@@ -13,9 +13,12 @@ import numpy as np
 
 from skyarm.records.arrays import Array
 
+CONFIDENCE = 0.95
+"""Usual coverage of an interval."""
+
 
 def wilson(
-    successes: float, count: int, confidence: float = 0.95
+    successes: float, count: int, confidence: float = CONFIDENCE
 ) -> tuple[float, float]:
     """Wilson score interval of a proportion.
 
@@ -53,7 +56,7 @@ def quantiles(values: Array, shares: Sequence[float]) -> list[float]:
 
 
 def quantile_intervals(
-    values: Array, shares: Sequence[float], confidence: float = 0.95
+    values: Array, shares: Sequence[float], confidence: float = CONFIDENCE
 ) -> list[tuple[float, float] | None]:
     """Confidence intervals of quantiles between order statistics, for any distribution
     of the values.
@@ -78,19 +81,18 @@ def _interval_ranks(
     """Indices of the order statistics around a quantile, each end with half of the
     error; None if there are none.
     """
-    tail, k = 0.5 * (1.0 - confidence), np.arange(1.0, count + 1.0)
+    tail = 0.5 * (1.0 - confidence)
+    k = np.arange(1.0, count + 1.0)
     ratios = np.log((count + 1.0 - k) / k) + math.log(share / (1.0 - share))
     # P(at most 0, 1, ... values)
     below = np.cumsum(np.exp(np.cumsum([count * math.log1p(-share), *ratios])))
-    low, high = (
-        int(np.searchsorted(below, tail, "right")),
-        int(np.searchsorted(below, 1.0 - tail)) + 1,
-    )
+    low = int(np.searchsorted(below, tail, "right"))
+    high = int(np.searchsorted(below, 1.0 - tail)) + 1
     return (low - 1, high - 1) if low >= 1 and high <= count else None
 
 
 def mean_interval(
-    values: Array, confidence: float = 0.95
+    values: Array, confidence: float = CONFIDENCE
 ) -> tuple[float, float] | None:
     """Confidence interval of a mean by Student's t; None for fewer than two values, or
     for equal ones.
@@ -123,7 +125,9 @@ def _student_quantile(degrees: int, confidence: float) -> float:
     # the first term is 1, then each is (k - 1) / k times the one before
     k = np.arange(2 + n % 2, n, 2)
     factors = np.cumprod([1.0, *((k - 1.0) / k)])
-    low, high = 0.0, 0.5 * math.pi
+    low = 0.0
+    high = 0.5 * math.pi
+    # 60 halvings reach the last bit of a double
     for _ in range(60):
         angle = 0.5 * (low + high)
         powers = math.cos(angle) ** (2.0 * np.arange(factors.size) + n % 2)
@@ -135,7 +139,11 @@ def _student_quantile(degrees: int, confidence: float) -> float:
 
 
 def paired_difference(
-    both: int, only_first: int, only_second: int, neither: int, confidence: float = 0.95
+    both: int,
+    only_first: int,
+    only_second: int,
+    neither: int,
+    confidence: float = CONFIDENCE,
 ) -> tuple[float, float]:
     """Score interval of the difference of two success rates on the same episodes, from
     the counts of pairs.
@@ -143,11 +151,9 @@ def paired_difference(
     Source: Newcombe 1998, "Improved confidence intervals for the difference between
     binomial proportions based on paired data", method 10.
     """
-    count, first, second = (
-        both + only_first + only_second + neither,
-        both + only_first,
-        both + only_second,
-    )
+    count = both + only_first + only_second + neither
+    first = both + only_first
+    second = both + only_second
     low_1, high_1 = (
         abs(first / count - end) for end in wilson(first, count, confidence)
     )
@@ -156,6 +162,7 @@ def paired_difference(
     )
     spread = math.sqrt(first * (count - first) * second * (count - second))
     covariance = both * neither - only_first * only_second
+    # a positive covariance is lessened by half a count, as in the source
     phi = (
         (max(covariance - 0.5 * count, 0.0) if covariance > 0 else covariance) / spread
         if spread

@@ -162,7 +162,8 @@ class Manifest:
         """Settings that determine a sweep's results, by name, as shown in error
         messages.
         """
-        study, vary = self.study, self.study.get("vary") or {}
+        study = self.study
+        vary = self.study.get("vary") or {}
         return {
             **{
                 name: value
@@ -224,12 +225,14 @@ def read_manifest(folder: PathLike) -> Manifest | None:
         raise StudyError(f"{path}: must have at most {LARGEST / 1e6:.0f} MB")
     try:
         table = json.loads(path.read_bytes())
+    # json answers deep nesting by RecursionError
     except (ValueError, RecursionError):
         return None
     try:
         if not isinstance(table, dict):
             raise ValueError("must be a table")
-        schema, digest = table.get("schema"), table.pop("sha256", None)
+        schema = table.get("schema")
+        digest = table.pop("sha256", None)
         if schema not in (SCHEMA, OLD):
             raise ValueError(f"schema = {shown(schema)}: must be {SCHEMA}")
         if (digest is not None or schema == SCHEMA) and digest != _sum(table):

@@ -115,6 +115,7 @@ def axis(
     ones, more for more episodes.
     """
     different = np.unique(values)
+    # drawn values hardly recur: a cell for each would hold one episode
     if 2 <= different.size <= LISTED and values.size > 2 * different.size:
         middle = 0.5 * (different[:-1] + different[1:])
         edges = np.concatenate(
@@ -126,9 +127,12 @@ def axis(
         )
         return Axis(path=path, edges=edges, label=label)
     cells = int(np.clip(np.sqrt(values.size / PER_CELL), FEWEST, MOST))
-    low, high = float(different[0]), float(different[-1])
+    low = float(different[0])
+    high = float(different[-1])
+    # one value still needs a cell of some width
     if low == high:
-        low, high = low - 0.5, high + 0.5
+        low = low - 0.5
+        high = high + 0.5
     if logarithmic and low > 0.0:
         return Axis(
             path=path,

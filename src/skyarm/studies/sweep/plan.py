@@ -56,7 +56,7 @@ class SweepPlan:
     def works(self, index: int) -> Iterator[Work]:
         """Flights of one chunk of episodes, with each controller."""
         study = self.study
-        episodes = np.arange(study.span(index).start, study.span(index).stop)
+        episodes = np.array(self.manifest.span(index))
         drawn = values(study, episodes)
         for label, scenario in study.scenarios.items():
             yield Work(
@@ -106,6 +106,8 @@ def prepare(study: Study) -> SweepPlan:
             require_apart(scenario, study.paths)
     with errors_as(StudyError, f"{study.source}: ", of=ExpressionError):
         ends = extremes(study)
+        # derived numbers are no choice of their own: they come with what they derive
+        # from
         singles = _singles(
             study.source,
             {path: ends[path][:2] for path in study.paths if path in study.vary},
@@ -117,6 +119,7 @@ def prepare(study: Study) -> SweepPlan:
         for setting in (*singles, *together):
             setting.of(scenario)
     first = next(iter(study.scenarios.values()))
+    # as JSON gives it back: lists for tuples, so that both compare
     manifest = Manifest(
         study=json.loads(json.dumps({**study.document, **_code_and_endings(study)})),
         scenarios={
@@ -310,14 +313,17 @@ def save_episode(path: PathLike, study: Study, label: str, episode: int) -> Path
             f"episode = {shown(episode)}: must be a whole number from 0 to"
             f" {study.episodes - 1}"
         )
-    episode, drawn = index, values(study, [index])
+    episode = index
+    drawn = values(study, [index])
     scenario = at_episode(
         study, label, {name: column[0] for name, column in drawn.items()}, episode
     )
+    # resolved: a scenario's file has no study to take windows from
     windows = study.windows.of_flight(scenario.duration, scenario.windows)
     flight = replace(
         scenario, windows=record_from(Windows, Fields(windows.plain(), "windows"))
     )
+    # the scenario beside the study's file, not beside the file that is written
     named = study.document["scenario"]
     base = named if named in list_scenarios() else Path(study.source).parent / named
     return save_scenario(
@@ -334,6 +340,7 @@ def largest_episode(study: Study) -> Scenario:
     largest value.
     """
     drawn = values(study, np.arange(min(study.episodes, LOOKED_AT)))
+    # zeros alone have no largest to be relative to
     episode = int(
         np.argmax(
             sum(np.abs(each) / (np.abs(each).max() or 1.0) for each in drawn.values())

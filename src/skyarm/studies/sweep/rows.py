@@ -66,6 +66,7 @@ def rows_there(
     files: dict[Piece, Path] = {}
     ignored: list[str] = []
     for piece, path in _candidates(folder, manifest):
+        # of two sound files of a chunk one counts
         if piece in files:
             continue
         if (
@@ -99,6 +100,7 @@ def _candidates(folder: Path, manifest: Manifest) -> Iterator[tuple[Piece, Path]
         for path in sorted((folder / ROWS).glob("chunk_*.parquet")):
             match = OLD_FILE.fullmatch(path.name)
             if match and path.is_file() and int(match[1]) < manifest.chunks:
+                # such a file has the rows of all controllers: the first stands for them
                 yield (int(match[1]), next(iter(manifest.scenarios))), path
         return
     controllers = {name_of(controller): controller for controller in manifest.scenarios}

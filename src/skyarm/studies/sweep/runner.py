@@ -10,7 +10,7 @@ from typing import Any
 
 from skyarm.records.files import PathLike, shown, taken_back
 from skyarm.records.immutable import immutable
-from skyarm.studies.flights import Crew, Store
+from skyarm.studies.flights import Store, WorkRunner
 from skyarm.studies.flights.executor import LOCAL
 from skyarm.studies.flights.store import ROWS, require_parquet
 from skyarm.studies.sweep.manifest import MANIFEST
@@ -25,7 +25,7 @@ Progress = Callable[[int, int], None]
 
 
 @immutable
-class Summary:
+class SweepSummary:
     """Result of running a sweep: folder, number of flights, episodes simulated and
     reused, duration in s.
     """
@@ -84,7 +84,7 @@ def run_sweep(
     on: str = LOCAL,
     part: str | None = None,
     progress: Progress | None = None,
-) -> Summary:
+) -> SweepSummary:
     """Simulate the missing flights of a sweep; an interrupted sweep ends with the same
     files.
 
@@ -104,12 +104,12 @@ def run_sweep(
     """
     require_parquet()
     first, stride = _part(part)
-    plan, begin, report = (
-        prepare(study),
-        time.perf_counter(),
-        progress or (lambda *_: None),
-    )
-    folder, manifest, controllers = Path(out), plan.manifest, len(study.scenarios)
+    plan = prepare(study)
+    begin = time.perf_counter()
+    report = progress or (lambda *_: None)
+    folder = Path(out)
+    manifest = plan.manifest
+    controllers = len(study.scenarios)
     with taken_back(folder, folder / MANIFEST, folder / ROWS):
         store = Store(folder, study=manifest.digest)
         with store.alone(f"{first + 1}_of_{stride}" if stride > 1 else ""):
@@ -123,26 +123,28 @@ def run_sweep(
             report(present, study.episodes)
             works = (
                 work
-                for index in range(first, study.chunks, stride)
+                for index in range(first, manifest.chunks, stride)
                 for work in plan.works(index)
             )
             try:
-                with Crew(on, workers, store) as crew:
-                    for _ in crew.fly(works):
-                        if crew.flights:
+                with WorkRunner(on, workers, store) as runner:
+                    for _ in runner.fly(works):
+                        # stored chunks are yielded, too, and are counted already
+                        if runner.flights:
                             report(
-                                (there.count + crew.flights) // controllers,
+                                (there.count + runner.flights) // controllers,
                                 study.episodes,
                             )
             finally:
+                # also after an interruption the manifest says what is there
                 there = rows_there(
                     folder, manifest, untrusted={*there.ignored} - store.written
                 )
                 manifest.write(folder, there.count, len(there.chunks))
-    return Summary(
+    return SweepSummary(
         folder=folder,
         rows=there.count,
-        flown=crew.flights // controllers,
+        flown=runner.flights // controllers,
         found=present,
         seconds=time.perf_counter() - begin,
     )

@@ -28,6 +28,7 @@ from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import axis_label, words_of
 from skyarm.studies.flights.store import read_column, require_parquet
 from skyarm.studies.sweep.intervals import (
+    CONFIDENCE,
     mean_interval,
     paired_difference,
     quantile_intervals,
@@ -76,22 +77,19 @@ class Rows:
                 f"{at}: must be one that 'skyarm sweep' wrote; it has no whole"
                 f" {MANIFEST}"
             )
-        self.manifest, there = manifest, rows_there(self.folder, manifest)
-        self.skipped, self._chunks, self._files = (
-            there.ignored,
-            there.chunks,
-            there.files,
-        )
+        self.manifest = manifest
+        there = rows_there(self.folder, manifest)
+        self.skipped = there.ignored
+        self._chunks = there.chunks
+        self._files = there.files
         if not there.chunks:
             others = not_counted(self.skipped)
             why = f" ({'; '.join(others)})" if others else ""
             raise StudyError(
                 f"{at}: must hold rows; 'skyarm sweep' has not finished a chunk{why}"
             )
-        self.parameters, self.metrics = (
-            manifest.parameters,
-            tuple(manifest.study["metrics"]),
-        )
+        self.parameters = manifest.parameters
+        self.metrics = tuple(manifest.study["metrics"])
         self.controllers = tuple(manifest.scenarios)
         self.limits = dict(self.manifest.success if success is None else success)
         for name in self.limits:
@@ -104,7 +102,8 @@ class Rows:
                     f"success.{name}: is no metric of these rows; {listed}"
                 )
         self.episodes = sum(len(manifest.span(index)) for index in there.chunks)
-        self.count, self.planned = self.episodes * len(self.controllers), manifest.rows
+        self.count = self.episodes * len(self.controllers)
+        self.planned = manifest.rows
 
     @property
     def deterministic(self) -> bool:
@@ -173,6 +172,7 @@ class Rows:
         if which == FAILED:
             matching = ~self.succeeded(controller)
         else:
+            # NaN of an episode that did not fly is no largest value
             column = self.of(controller, which)
             matching = column == np.max(
                 column, initial=-np.inf, where=~np.isnan(column)
@@ -206,13 +206,12 @@ def parse_limits(texts: list[str]) -> dict[str, float]:
     return limits
 
 
-def statistics(rows: Rows, *, confidence: float = 0.95) -> Facts:
+def statistics(rows: Rows) -> Facts:
     """Statistics of a sweep as plain data: success rates, quantiles and paired
     differences.
 
     Args:
         rows: rows of the study.
-        confidence: coverage of all intervals.
 
     Returns:
         Success and quantiles of each controller, and differences of each pair. Metrics
@@ -235,7 +234,7 @@ def statistics(rows: Rows, *, confidence: float = 0.95) -> Facts:
         "files_not_counted": list(rows.skipped),
         "episodes": rows.episodes,
         "deterministic": rows.deterministic,
-        "confidence": confidence,
+        "confidence": CONFIDENCE,
         "limits": rows.limits,
         "controllers": {},
         "paired": {},
@@ -247,13 +246,13 @@ def statistics(rows: Rows, *, confidence: float = 0.95) -> Facts:
             "status": dict(sorted(counts.items())),
             "successes": won,
             "success_rate": won / rows.episodes,
-            "success_interval": wilson(won, rows.episodes, confidence),
+            "success_interval": wilson(won, rows.episodes),
             "metrics": {},
         }
     pairs = list(combinations(rows.controllers, 2))
     for one, other in pairs:
         facts["paired"][f"{one} - {other}"] = _success_difference(
-            wins[one], wins[other], confidence
+            wins[one], wins[other]
         )
     for metric in rows.metrics:
         columns = {
@@ -261,14 +260,12 @@ def statistics(rows: Rows, *, confidence: float = 0.95) -> Facts:
         }
         for controller, column in columns.items():
             flown = column[flew[controller] & np.isfinite(column)]
-            facts["controllers"][controller]["metrics"][metric] = _spread(
-                flown, confidence
-            )
+            facts["controllers"][controller]["metrics"][metric] = _spread(flown)
         for one, other in pairs:
             difference = columns[one] - columns[other]
             flown = difference[flew[one] & flew[other] & np.isfinite(difference)]
             facts["paired"][f"{one} - {other}"]["metrics"][metric] = (
-                _difference_statistics(flown, confidence)
+                _difference_statistics(flown)
             )
     return _without_intervals(facts) if rows.deterministic else facts
 
@@ -287,7 +284,7 @@ def _without_intervals(facts: Facts) -> Facts:
     }
 
 
-def _spread(values: Array, confidence: float) -> Facts | None:
+def _spread(values: Array) -> Facts | None:
     if not values.size:
         return None
     return {
@@ -297,16 +294,12 @@ def _spread(values: Array, confidence: float) -> Facts | None:
             zip(map(str, SHARES), quantiles(values, SHARES), strict=True)
         ),
         "intervals": dict(
-            zip(
-                map(str, SHARES),
-                quantile_intervals(values, SHARES, confidence),
-                strict=True,
-            )
+            zip(map(str, SHARES), quantile_intervals(values, SHARES), strict=True)
         ),
     }
 
 
-def _difference_statistics(difference: Array, confidence: float) -> Facts | None:
+def _difference_statistics(difference: Array) -> Facts | None:
     """Mean and median of paired differences, and share of negative ones (ties count
     half).
     """
@@ -316,15 +309,15 @@ def _difference_statistics(difference: Array, confidence: float) -> Facts | None
     return {
         "count": int(difference.size),
         "mean": float(difference.mean()),
-        "mean_interval": mean_interval(difference, confidence),
+        "mean_interval": mean_interval(difference),
         "median": quantiles(difference, (0.5,))[0],
-        "median_interval": quantile_intervals(difference, (0.5,), confidence)[0],
+        "median_interval": quantile_intervals(difference, (0.5,))[0],
         "first_smaller": smaller / difference.size,
-        "first_smaller_interval": wilson(smaller, int(difference.size), confidence),
+        "first_smaller_interval": wilson(smaller, int(difference.size)),
     }
 
 
-def _success_difference(one: Array, other: Array, confidence: float) -> Facts:
+def _success_difference(one: Array, other: Array) -> Facts:
     counts = {
         "both": int((one & other).sum()),
         "only_first": int((one & ~other).sum()),
@@ -334,9 +327,7 @@ def _success_difference(one: Array, other: Array, confidence: float) -> Facts:
     return {
         "success": counts,
         "success_difference": (counts["only_first"] - counts["only_second"]) / one.size,
-        "success_difference_interval": paired_difference(
-            **counts, confidence=confidence
-        ),
+        "success_difference_interval": paired_difference(**counts),
         "metrics": {},
     }
 

@@ -63,12 +63,3 @@ class Study(Design):
         return tuple(
             name for name in (*self.vary, *self.derived) if not is_own_name(name)
         )
-
-    @property
-    def chunks(self) -> int:
-        """Number of Parquet files, each with the flights of some thousand episodes."""
-        return -(-self.episodes // self.chunk)
-
-    def span(self, index: int) -> range:
-        """Range of episode numbers of one chunk of the sweep."""
-        return range(index * self.chunk, min((index + 1) * self.chunk, self.episodes))

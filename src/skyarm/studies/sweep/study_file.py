@@ -138,10 +138,12 @@ def study_from(
 
 def _study(top: Fields, folder: Path, source: str) -> Study:
     schema = top.take("schema")
+    # not a comparison alone: 1.0 and true equal 1
     if type(schema) is not int or schema != 1:
         raise ValueError(f"schema = {shown(schema)}: must be 1")
     require_plugins(top)
-    name, title = top.take("name"), top.text("title", "")
+    name = top.take("name")
+    title = top.text("title", "")
     check_name(name)
     design = top.choice("design", DESIGNS, "random")
     vary = _vary(top.take("vary", {}), design)
@@ -277,10 +279,12 @@ def _scenarios(
     duration = top.take("duration", None)
     if duration is not None:
         duration = number(duration, "duration", low=0.0, strict=True)
+    # a shipped name comes before a file of that name
     file: PathLike = named if named in list_scenarios() else folder / named
     scenarios = {}
     for controller in controllers:
         scenario = load_scenario(file, controller=controller, duration=duration)
+        # a law may leave changes out, and so number the others anew
         if (
             any(path.startswith("changes.") for path in paths)
             and controller is not None

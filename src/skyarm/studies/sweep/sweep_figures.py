@@ -68,6 +68,7 @@ def plot_sweep(
     if file is not None:
         require_suffix(Path(file))
     rows = folder if isinstance(folder, Rows) else Rows(folder)
+    # a metric that is named twice has one panel
     names = [metrics] if isinstance(metrics, str) else list(dict.fromkeys(metrics))
     if not 1 <= len(names) <= MOST_PANELS:
         raise StudyError(
@@ -223,7 +224,9 @@ def robustness_figure(found: RobustnessMap) -> Figure:
     episodes stay blank.
     """
     figure, (ax,) = PAPER.tiles(1, 1, (MAP_WIDTH, MAP_HEIGHT))
-    across, upward, share = found.across, found.upward, np.ma.masked_invalid(found.rate)
+    across = found.across
+    upward = found.upward
+    share = np.ma.masked_invalid(found.rate)
     ax.grid(visible=False)
     shade = ax.pcolormesh(
         across.edges, upward.edges, share, cmap=COLORS, vmin=0.0, vmax=1.0
@@ -234,6 +237,7 @@ def robustness_figure(found: RobustnessMap) -> Figure:
     for side, axis in ((across, ax.xaxis), (upward, ax.yaxis)):
         if side.logarithmic:
             logarithmic(axis)
+    # Matplotlib's contours take two rows, two columns and values on both sides
     if min(share.shape) >= 2 and share.min() < BOUNDARY < share.max():
         half = ax.contour(
             across.centers,

@@ -58,7 +58,7 @@ DURATION = 20.0
 
 
 @immutable
-class Setting:
+class TrialSetting:
     """Hover scenario of a vehicle, and the scales of trials with the vehicle.
 
     Attributes:
@@ -119,6 +119,7 @@ class Setting:
         }
 
 
+# each trial of a suite asks for it again, and nobody can change it
 @lru_cache(maxsize=8)
 def setting_of(
     vehicle: str = PAPER,
@@ -128,7 +129,7 @@ def setting_of(
     *,
     armed: bool = True,
     at: str = "--vehicle",
-) -> Setting:
+) -> TrialSetting:
     """Hover scenario and trial scales of a vehicle given by name or file.
 
     Args:
@@ -155,7 +156,7 @@ def setting_of(
 
 def setting_of_scenario(
     name: PathLike, folder: Path, given: Mapping[str, Any]
-) -> Setting:
+) -> TrialSetting:
     """Scenario of a file and the scales of its vehicle, the first of several.
 
     Args:
@@ -176,11 +177,12 @@ def setting_of_scenario(
 
 def _setting(
     name: str, document: Mapping[str, Any], folder: Path, given: Mapping[str, Any]
-) -> Setting:
+) -> TrialSetting:
     hover = scenario_from(document, folder, given)
-    truth, paper = next(iter(hover.vehicles.values())), load_vehicle(PAPER)
+    truth = next(iter(hover.vehicles.values()))
+    paper = load_vehicle(PAPER)
     ranges = list(map(_swing_range, truth.joints))
-    return Setting(
+    return TrialSetting(
         vehicle=name,
         document=document,
         folder=folder,
@@ -216,8 +218,12 @@ def _hover(vehicle: str) -> dict[str, Any]:
             "name": "hover",
             "title": "hover",
         }
-    words = {"plant": {"vehicle": vehicle}, "controller": {"law": "centroidal"}}
-    return {"name": "hover", "duration": DURATION, **words}
+    return {
+        "name": "hover",
+        "duration": DURATION,
+        "plant": {"vehicle": vehicle},
+        "controller": {"law": "centroidal"},
+    }
 
 
 def _height(truth: Vehicle) -> float:
@@ -237,6 +243,7 @@ def _swing_range(joint: Joint) -> tuple[float, float]:
     limits, 0 for a passive joint.
     """
     low, high = joint.ends
+    # a range without one of its ends has no middle
     middle = (
         0.0 if low < 0.0 < high or not math.isfinite(low + high) else 0.5 * (low + high)
     )

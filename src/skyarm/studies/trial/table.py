@@ -28,7 +28,7 @@ V = TypeVar("V")
 
 
 @immutable
-class Column:
+class TableColumn:
     """Column of a results table.
 
     Attributes:
@@ -67,6 +67,7 @@ class Column:
 
     def cell(self, quantity: float | None) -> str:
         """Cell of the column for a number, SI; a dash for None."""
+        # two decimals of a small number may have no digit of it
         if quantity is None or abs(quantity * self.factor) >= self.fine:
             return number(quantity, self.factor)
         return shown_number(quantity * self.factor)
@@ -77,8 +78,8 @@ class Column:
         return float(np.percentile(sizes, self.percentile)) if sizes.size else None
 
 
-COLUMNS: Mapping[str, Sequence[Column]] = {
-    name: [Column(**row) for row in rows]
+COLUMNS: Mapping[str, Sequence[TableColumn]] = {
+    name: [TableColumn(**row) for row in rows]
     for name, rows in tomllib.loads(
         (
             resources.files("skyarm.studies.trial") / "library" / "columns.toml"
@@ -104,6 +105,7 @@ def spread(values: Array) -> dict[str, Any] | None:
     None if there are none.
     """
     finite = doubles(values)
+    # a flight that never met the metric's window has NaN there
     finite = finite[np.isfinite(finite)]
     if not finite.size:
         return None

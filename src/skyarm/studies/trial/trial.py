@@ -22,7 +22,7 @@ from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.studies.sweep.expressions import read_expression
-from skyarm.studies.trial.facts import Facts, Setting
+from skyarm.studies.trial.facts import Facts, TrialSetting
 
 NOISE = SensorNoise(
     position=0.001,
@@ -46,7 +46,7 @@ MOTIONS: Mapping[str, dict[str, Any]] = tomllib.loads(
 )
 """Tables "parts", "bases" and "arms": entries of a scenario file by name."""
 
-Maker = Callable[[Scenario, Setting, float], Scenario]
+Maker = Callable[[Scenario, TrialSetting, float], Scenario]
 """Function that completes the scenario of a trial, of its vehicle and value, where no
 entries of a file can."""
 
@@ -86,12 +86,15 @@ class Trial:
     makers: ClassVar[Mapping[str, Maker]] = {}
     """Makers by name."""
 
-    def of(self, setting: Setting) -> tuple[float, ...]:
+    def of(self, setting: TrialSetting) -> tuple[float, ...]:
         """Values of the trial, scaled to a vehicle, SI."""
         share = evaluate(self.share, setting.facts, "share")
+        if share == 1.0:
+            return tuple(map(float, self.values))
+        # three digits, so that tables show the scaled values that fly
         return tuple(float(f"{value * share:.3g}") for value in self.values)
 
-    def scenario(self, setting: Setting, value: float) -> Scenario:
+    def scenario(self, setting: TrialSetting, value: float) -> Scenario:
         """Scenario of the trial at one value."""
         built = self.built(setting, value)
         made = self.makers[self.made](built, setting, value) if self.made else built
@@ -99,9 +102,10 @@ class Trial:
         with errors_as(ScenarioError, "numbers: "):
             return with_numbers(made, numbers)
 
-    def built(self, setting: Setting, value: float) -> Scenario:
+    def built(self, setting: TrialSetting, value: float) -> Scenario:
         """Scenario of the trial at one value before its numbers."""
-        facts, document = setting.facts | {"value": value}, dict(setting.document)
+        facts = setting.facts | {"value": value}
+        document = dict(setting.document)
         if not self.file:
             at = {"kind": "signals", "x": 0, "y": 0, "z": setting.facts["height"]}
             base = at | fill_in(MOTIONS["bases"].get(self.base, {}), facts, setting)
@@ -117,11 +121,13 @@ class Trial:
         whole = with_entries(document, fill_in(self.entries, facts, setting))
         return scenario_from(whole, setting.folder, setting.given)
 
-    def numbers_of(self, setting: Setting, value: float) -> dict[str, float]:
+    def numbers_of(self, setting: TrialSetting, value: float) -> dict[str, float]:
         """Numbers by path in which a value differs from another; empty where each value
         is a scenario of its own.
         """
-        facts, found = setting.facts | {"value": value}, dict[str, float]()
+        facts = setting.facts | {"value": value}
+        found = dict[str, float]()
+        # building a scenario takes time: only "now" needs that of the value
         built = (
             self.built(setting, value)
             if "now" in " ".join(self.numbers.values())
@@ -136,7 +142,7 @@ class Trial:
         return found
 
 
-def _each(pattern: str, setting: Setting) -> Iterator[tuple[str, Facts]]:
+def _each(pattern: str, setting: TrialSetting) -> Iterator[tuple[str, Facts]]:
     """Paths of a pattern with the facts of the joint of each."""
     if "*" not in pattern:
         yield pattern, {}
@@ -147,6 +153,7 @@ def _each(pattern: str, setting: Setting) -> Iterator[tuple[str, Facts]]:
         )
     else:
         for i, (name, own) in enumerate(setting.joints.items()):
+            # a path names the joint of a drive, and numbers all other joints
             yield pattern.replace("*", name if ".drives." in pattern else str(i)), own
 
 
@@ -189,7 +196,9 @@ def columns_of(
     }
 
 
-def fill_in(entry: Any, facts: Facts, setting: Setting, at: str = "entries") -> Any:
+def fill_in(
+    entry: Any, facts: Facts, setting: TrialSetting, at: str = "entries"
+) -> Any:
     """Entry of a scenario file with its expressions and named parts filled in; ``at``
     is its place, in messages.
 
@@ -223,7 +232,8 @@ def fill_in(entry: Any, facts: Facts, setting: Setting, at: str = "entries") -> 
         case "value":
             raise ValueError(f"{at} = 'value': must be '= value', an expression")
         case str() if entry.startswith("{"):
-            name, there = entry.strip("{}"), setting.words | MOTIONS["parts"]
+            name = entry.strip("{}")
+            there = setting.words | MOTIONS["parts"]
             if name not in there:
                 raise ValueError(
                     f"{at} = {shown(entry)}: {must_be_one_of(there, name)}"

@@ -15,7 +15,7 @@ from skyarm.records.leaves import parts
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.perturbed_plants import arm_length, hardest
-from skyarm.studies.flights import Crew, Rows, Work
+from skyarm.studies.flights import Rows, Work, WorkRunner
 from skyarm.studies.tune.excitation import KINDS, Plants
 from skyarm.studies.tune.law_knobs import GainKnob
 
@@ -41,7 +41,7 @@ final check."""
 
 
 @immutable
-class Flown:
+class CandidateResults:
     """Errors and control effort of tuning flights, as arrays (gain candidates,
     perturbed plants).
 
@@ -84,6 +84,7 @@ def shorten(own: Scenario) -> Scenario:
     steady = Windows().of_flight(own.duration, own.windows).steady
     start = min(steady.start, LATEST)
     stop = min(steady.stop, start + LOOKED_AT)
+    # rounding of the product must not add a period
     periods = math.ceil(stop * own.rates.control - 1e-9)
     return replace(
         own,
@@ -117,7 +118,7 @@ class CandidateFlights:
         scenario: flight as :func:`skyarm.studies.tune.excitation.tuning_flight` made
             it. knobs: gains of its law.
         plants: plants to fly.
-        crew: flies them; results do not depend on it.
+        runner: flies them; results do not depend on it.
         own: along the scenario's own motion, as :func:`shorten` made it; the plants are
             those of :func:`with_own`.
         seed: seed of the noise; each plant has its own, which all candidates share.
@@ -133,19 +134,22 @@ class CandidateFlights:
         scenario: Scenario,
         knobs: Sequence[GainKnob],
         plants: Plants,
-        crew: Crew,
+        runner: WorkRunner,
         *,
         own: Scenario | None = None,
         seed: int = 0,
         gust: bool = False,
         saturation: bool = False,
     ) -> None:
-        self.knobs, self.plants, self._crew = tuple(knobs), plants, crew
+        self.knobs = tuple(knobs)
+        self.plants = plants
+        self._runner = runner
+        # the scenario's own reference has none of the numbers of drawn motions
         still = _without_motions(plants)
         self._own = (
             None
             if own is None
-            else CandidateFlights(own, knobs, still, crew, seed=seed)
+            else CandidateFlights(own, knobs, still, runner, seed=seed)
         )
         self._windows = ("", "gust_") if gust else ("",)
         self._work = Work(
@@ -164,7 +168,8 @@ class CandidateFlights:
     def _metrics(self, scenario: Scenario, saturation: bool) -> tuple[str, ...]:
         """Metrics of the flights."""
         vehicle = scenario.agent.vehicle
-        self._arm, self._has_tip = arm_length(vehicle), bool(vehicle.end_effector)
+        self._arm = arm_length(vehicle)
+        self._has_tip = bool(vehicle.end_effector)
         self._keeps_tip = scenario.agent.controller.keeps_tip
         # a servo receives setpoints: its torque is its own
         self._efforts = tuple(
@@ -187,7 +192,7 @@ class CandidateFlights:
         logs: Array,
         plants: int | None = None,
         others: Plants | None = None,
-    ) -> Flown:
+    ) -> CandidateResults:
         """Simulate every gain candidate on the first perturbed plants, up to a given
         number.
 
@@ -201,18 +206,15 @@ class CandidateFlights:
         flown = flown.select(np.arange(flown.count)[:plants])
         if self._own is None:
             works = self._works(stage, logs, flown)
-            return self._results(len(logs), flown, self._crew.rows(works))
+            return self._results(len(logs), flown, self._runner.rows(works))
         mine = flown.kinds == OWN
-        drawn, own = (
-            flown.select(np.flatnonzero(~mine)),
-            flown.select(np.flatnonzero(mine)),
-        )
-        works, further = (
-            self._works(stage, logs, drawn),
-            self._own._works(f"{stage}.own", logs, _without_motions(own)),
-        )
-        rows = self._crew.rows([*works, *further])
-        one, other = rows[: len(works)], rows[len(works) :]
+        drawn = flown.select(np.flatnonzero(~mine))
+        own = flown.select(np.flatnonzero(mine))
+        works = self._works(stage, logs, drawn)
+        further = self._own._works(f"{stage}.own", logs, _without_motions(own))
+        rows = self._runner.rows([*works, *further])
+        one = rows[: len(works)]
+        other = rows[len(works) :]
         return _join(
             mine,
             self._results(len(logs), drawn, one),
@@ -247,7 +249,9 @@ class CandidateFlights:
             )
         return works
 
-    def _results(self, count: int, plants: Plants, rows: Sequence[Rows]) -> Flown:
+    def _results(
+        self, count: int, plants: Plants, rows: Sequence[Rows]
+    ) -> CandidateResults:
         """Errors and control effort of some gain candidates, from their result rows."""
 
         def column(name: str) -> AnyArray:
@@ -263,8 +267,9 @@ class CandidateFlights:
 
     def _outcome(
         self, completed: Mask, table: Callable[[str], Array], kinds: IntArray
-    ) -> Flown:
+    ) -> CandidateResults:
         """Errors and control effort from the metrics (candidates, plants)."""
+        # not ">=": a tilt that is no number is of a lost flight
         lost = ~completed | ~(table("tilt_max") < LARGEST_TILT)
         parts = [
             {name: table(_error(window, name)) for name in self._errors}
@@ -276,7 +281,7 @@ class CandidateFlights:
         base = parts[0]["position"]
         squares = [table(name) ** 2 for name in self._efforts]
         measured = LIMITED in self._work.metrics
-        return Flown(
+        return CandidateResults(
             error=penalize(product ** (1.0 / len(parts)), lost),
             tip=penalize(parts[0].get("ee", base), lost),
             base=penalize(base, lost),
@@ -304,12 +309,14 @@ class CandidateFlights:
         return 0.5 * (errors["ee"] + posture) if self._has_tip else posture
 
 
-def of_drawn(flown: Flown) -> Flown:
+def of_drawn(flown: CandidateResults) -> CandidateResults:
     """Results of the plants that flew random reference motions, without the scenario's
     own motion.
     """
     which = flown.kinds != OWN
-    return Flown(**{name: table[..., which] for name, table in parts(flown).items()})
+    return CandidateResults(
+        **{name: table[..., which] for name, table in parts(flown).items()}
+    )
 
 
 def _without_motions(plants: Plants) -> Plants:
@@ -321,7 +328,9 @@ def _without_motions(plants: Plants) -> Plants:
     return replace(plants, values=values)
 
 
-def _join(mine: Mask, drawn: Flown, own: Flown) -> Flown:
+def _join(
+    mine: Mask, drawn: CandidateResults, own: CandidateResults
+) -> CandidateResults:
     """Merge flight results along random motions and along the scenario's own motion, in
     the order of the plants.
     """
@@ -329,7 +338,7 @@ def _join(mine: Mask, drawn: Flown, own: Flown) -> Flown:
     for name, some in parts(drawn).items():
         tables[name] = np.empty((*some.shape[:-1], len(mine)), dtype=some.dtype)
         tables[name][..., ~mine], tables[name][..., mine] = some, getattr(own, name)
-    return Flown(**tables)
+    return CandidateResults(**tables)
 
 
 def _error(window: str, name: str) -> str:
@@ -401,7 +410,7 @@ class Scores:
         )
 
 
-def scores(flown: Flown) -> Scores:
+def scores(flown: CandidateResults) -> Scores:
     """Scores of gain candidates from their flights over all perturbed plants."""
     return Scores(
         error=_error_quantile(flown.error, flown.kinds),
@@ -420,6 +429,7 @@ def _error_quantile(errors: Array, kinds: IntArray) -> Array:
 
     One quantile over all would be that of the hardest kind alone.
     """
+    # "higher": the error of a plant, where few plants leave gaps between quantiles
     each = [
         np.quantile(errors[:, kinds == kind], QUANTILE, axis=1, method="higher")
         for kind in np.unique(kinds)

@@ -260,24 +260,22 @@ GUST, GUST_SHARE = Vec3(0.75, 0.5, 0.43), 0.15
 """Direction of the gust's force, and its size over the weight."""
 
 
-def of_vehicle(
-    vehicle: Vehicle, law: str | None = None, *, gravity: float = 9.81
-) -> Scenario:
+def of_vehicle(vehicle: Vehicle, law: str | None = None) -> Scenario:
     """Tuning scenario of a vehicle, with a controller whose nominal model is exact.
 
     Args:
         vehicle: plant and belief.
         law: any name of the catalogue; left out, the centroidal law, on the tip if
             there is one.
-        gravity: m/s^2.
     """
     named = law or ("centroidal_tip" if vehicle.end_effector else "centroidal_joint")
-    rates, delays = Rates(), Delays(measurement=DELAY)
+    rates = Rates()
+    delays = Delays(measurement=DELAY)
     controller = make_named_or_tuned(
-        named, Model(vehicle=vehicle, gravity=gravity), loop_facts(rates, delays)
+        named, Model(vehicle=vehicle), loop_facts(rates, delays)
     )
     agent = Agent(
-        plant=Truth(vehicle=vehicle, gravity=gravity),
+        plant=Truth(vehicle=vehicle),
         controller=controller,
         reference=motion(vehicle),
         noise=NOISE,
@@ -310,7 +308,7 @@ def tuning_flight(
     """
     longest = float(scenario.agent.delays.command) + UNKNOWN_DELAY
     delays = replace(scenario.agent.delays, longest_command=longest)
-    words: FieldsByWord = (
+    motions: FieldsByWord = (
         {}
         if own_motion
         else {
@@ -324,7 +322,7 @@ def tuning_flight(
         }
     )
     return with_words(
-        with_words(scenario.as_begun.with_kind("rigid_body"), **words),
+        with_words(scenario.as_begun.with_kind("rigid_body"), **motions),
         noise=with_noise(scenario.agent).noise,
         delays=delays,
         faults=(),
@@ -392,8 +390,10 @@ def draw_plants(
         0.0 if longest is None else longest - own,
     )
     values = draw(scenario, spread, count, seed=seed)
+    # without a tip nothing can hold a payload
     if not truth.end_effector:
         del values["plant.payload.mass"]
+    # drawn from none on: the scenario's own delay comes on top
     if "delays.command" in values:
         values["delays.command"] = own + values["delays.command"]
     values = fitted_damping(scenario, spread, values)
@@ -422,6 +422,7 @@ def with_lost(pool: Plants, count: int, lost: Mask) -> Plants:
         count: number of plants to return.
         lost: (candidates, plants of the pool).
     """
+    # the last key counts first: what all lost tells no candidate from another
     times = lost[:, count:].sum(axis=0)
     order = np.lexsort((np.arange(len(times)), -times, times == len(lost)))
     taken = count + order[times[order] > 0][: count // 2]

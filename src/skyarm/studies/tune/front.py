@@ -71,6 +71,7 @@ class LoopMargins:
         """
         if self.why_none:
             return 0.0
+        # no margin at all is no division by zero
         worst = max(required.delay / max(self.delay, 1e-9), 0.0)
         for low, high in (self.rotors, self.joints):
             worst = max(
@@ -143,8 +144,10 @@ def finalists(found: Sequence[Scores], count: int = POINTS) -> list[int]:
         dict.fromkeys(int(costs(found, weight).argmin()) for weight in WEIGHTS)
     )
     fewest = lost + short <= (lost + short).min()
+    # from calm to busy, each that errs less than all calmer ones is on the front
     order = np.flatnonzero(fewest)[np.argsort(active[fewest], kind="stable")]
-    least, front = math.inf, []
+    least = math.inf
+    front = []
     for k in order:
         if error[k] < least:
             least = float(error[k])

@@ -135,6 +135,7 @@ def search(
                     _best(logs, rounds, weight),
                     step,
                     effort.population,
+                    # a seed for each strategy and restart
                     seed + 1000 * number + i,
                     _bounds(knobs),
                 )
@@ -170,14 +171,14 @@ def with_margins(
         short: looks at the margins.
     """
     shortfalls = np.full(len(asked), np.nan)
+    # margins change who leads: until every leader has its own
     while True:
         now = replace(scores, short=np.nan_to_num(shortfalls, nan=0.0))
         leading = [
             _leaders(now.cost(weight), which, count) for weight, which, count in groups
         ]
-        missing = np.unique(
-            [k for each in leading for k in each if np.isnan(shortfalls[k])]
-        ).astype(int)
+        leaders = np.unique([k for each in leading for k in each]).astype(int)
+        missing = leaders[np.isnan(shortfalls[leaders])]
         if not len(missing):
             return replace(
                 scores, short=np.where(np.isnan(shortfalls), NOT_LOOKED_AT, shortfalls)
@@ -202,6 +203,7 @@ def _best(logs: Array, rounds: Sequence[Scores], weight: float) -> Array:
     any.
     """
     every = costs(rounds, weight)
+    # the scatter flew fewer plants, which flatters it
     first = len(rounds[0].error) if len(rounds) > 1 else 0
     best: Array = logs[first + int(every[first:].argmin())]
     return best
@@ -226,6 +228,7 @@ def scatter(
         # gains alike
         line[::2] = speeds[::2, None]
     rest = max(count - len(begin) - LINE, 0)
+    # a run of points for each seed; point 0 is a corner
     numbers = np.arange(1 + 4096 * seed, 1 + 4096 * seed + rest)
     # of knobs beyond Sobol's dimensions
     points = np.random.default_rng(seed).uniform(size=(rest, len(knobs)))
@@ -261,6 +264,7 @@ def _bounds(knobs: Sequence[GainKnob]) -> Array:
             else knob.most
         )
         least = -math.log(low / knob.least) if knob.least > 0.0 else -BOX
+        # a number at its bound keeps an interval of some width
         return [
             max(-BOX, least),
             (min(BOX, math.log(most / high)) if most < math.inf else BOX) + 1e-9,
@@ -277,6 +281,7 @@ def _strategy(
         mean=inside,
         sigma=step,
         bounds=bounds,
+        # numpy's generator takes 32 bits
         seed=seed % 2**32,
         population_size=population,
     )

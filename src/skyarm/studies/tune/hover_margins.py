@@ -116,7 +116,8 @@ class HoverMargins:
         self._numbers = np.array([value for _, value in numbers])
         self._knob = np.array([i for i, knob in enumerate(knobs) for _ in knob.numbers])
         self._loops: SettledHover | None = None
-        self._why_none, self._threads = "", threads
+        self._why_none = ""
+        self._threads = threads
         try:
             self._loops = SettledHover(
                 calm(scenario),
@@ -124,7 +125,9 @@ class HoverMargins:
             )
         except ValueError as error:
             self._why_none = str(error)
-        required, step = required_margins(scenario), 1.0 / scenario.rates.physics
+        required = required_margins(scenario)
+        step = 1.0 / scenario.rates.physics
+        # delays of a linearised loop are whole physics steps
         self._delay = math.ceil(RESERVE * required.delay / step - 1e-9) * step
         self._gain = RESERVE * required.gain
 
@@ -190,6 +193,7 @@ def failed_tests(loop: OpenLoop, delay: float, gain: float) -> float:
     total = 0.0
     for test in tests:
         beyond = radius(loop, **test) - 1.0
+        # not ">": a radius that is no number fails
         if not beyond <= 0.0:
             # rounded: the last bits of an eigenvalue are the linear algebra's
             total += FAILED + round(min(STEEP * beyond, MOST), 6)

@@ -93,7 +93,8 @@ def inner_place(controller: Controller) -> Place:
     place: Place = ()
     par = controller.par
     while is_record(inner := getattr(par, "inner", None)):
-        place, par = (*place, "inner"), inner
+        place = (*place, "inner")
+        par = inner
     return place
 
 
@@ -293,6 +294,7 @@ def centre(
         catalogue: known gains by name.
         moved: returns the flight with other numbers of the law.
     """
+    # a knob is one factor: gains in other ratios cannot be its centre
     names = list(catalogue)
     if not names or not all(
         _same_shares(knob, at)
@@ -310,7 +312,7 @@ def centre(
     )
     place = moved({place: number for knob in centred for place, number in knob.numbers})
     starts = {GIVEN: _log_factors([knob.values for knob in knobs], middle)}
-    for name in dict.fromkeys(names):
+    for name in names:
         row = _log_factors(catalogue[name], middle)
         # the given gains do not count: with good ones and with bad ones a search asks
         # for as many others

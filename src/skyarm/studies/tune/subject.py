@@ -110,12 +110,14 @@ class Subject:
         """Scenarios of a plan by their names there; its own motion is flown, too, if it
         ``moves``.
         """
-        flight, own = tuning_flight(scenario), tuning_flight(scenario, own_motion=True)
+        flight = tuning_flight(scenario)
+        own = tuning_flight(scenario, own_motion=True)
         scenes = {
             "flight": flight,
             "check": flight,
             "aside": tuning_flight(scenario, unseen=True),
         }
+        # the search scores the first seconds of the own motion, the check all of it
         return scenes | ({"check": own, "own": shorten(own)} if moves else {})
 
     def constants(self, scenario: Scenario) -> tuple[Tree, Place]:

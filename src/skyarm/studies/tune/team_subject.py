@@ -38,7 +38,7 @@ from skyarm.studies.tune.candidate_flights import (
     LOST,
     OWN,
     CandidateFlights,
-    Flown,
+    CandidateResults,
     penalize,
 )
 from skyarm.studies.tune.excitation import Plants, with_noise
@@ -72,12 +72,8 @@ outward or inward."""
 CHANNEL = 31
 """Channel of the random generator, separate from those of plants, motions and noise."""
 
-POSITION, PULL, JITTER, TILT = (
-    "team_position_mean",
-    "team_pull_rms",
-    "rotor_jitter",
-    "tilt_max",
-)
+POSITION, PULL = "team_position_mean", "team_pull_rms"
+JITTER, TILT = "rotor_jitter", "tilt_max"
 
 WITHOUT = "they are of one vehicle, and the law of a team was tuned"
 """Reason why no margins are computed."""
@@ -92,7 +88,8 @@ def team_flight(scenario: Scenario) -> Scenario:
     """Scenario with noise where it has none, and with paths of tips whose grasps can be
     off.
     """
-    team, agents = team_of(scenario), dict(scenario.agents)
+    team = team_of(scenario)
+    agents = dict(scenario.agents)
     if not (team.position_noise or team.attitude_noise):
         team = replace(
             team, position_noise=NOISE.position, attitude_noise=NOISE.attitude
@@ -134,10 +131,8 @@ def grasp_numbers(scenario: Scenario, member: int, along: Array) -> dict[str, Ar
         along: m, (flights,) how much further.
     """
     team = team_of(scenario)
-    agent, equal = (
-        team.members[member].agent,
-        team.with_masses([1.0] * len(team.members)),
-    )
+    agent = team.members[member].agent
+    equal = team.with_masses([1.0] * len(team.members))
     outward = equal.outward([each.place for each in team.members])[member]
     held = enumerate(cast("Contact", scenario.world).grasps)
     grasp = next(
@@ -172,15 +167,19 @@ def draw_team_plants(
         seed: key.
         mixed: one kind after the other.
     """
-    own, members, spread = masses(scenario), len(team_of(scenario).members), Spread()
+    own = masses(scenario)
+    members = len(team_of(scenario).members)
+    spread = Spread()
     drawn = 2.0 * uniforms(seed, np.arange(count), CHANNEL, 0, len(own) + 1) - 1.0
     offs = [FIRST_OFF + i for i in range(members)]
+    # resize repeats the kinds in turn
     kinds = np.resize([AS_IT_IS, MASSES, *offs] if mixed else offs, count)
     values: dict[str, Array] = {}
     for paths, numbers in zip(own, drawn.T, strict=False):
         factor = 1.0 + spread.mass * numbers * ((kinds == MASSES) | (not mixed))
         values |= {path: number_at(scenario, path) * factor for path in paths}
     for i, kind in enumerate(offs):
+        # only the sign is drawn: a grasp is off by OFF, outward or inward
         values |= grasp_numbers(
             scenario, i, OFF * np.sign(drawn[:, -1]) * (kinds == kind)
         )
@@ -227,7 +226,7 @@ class TeamCandidates(CandidateFlights):
 
     def _outcome(
         self, completed: Mask, table: Callable[[str], Array], kinds: IntArray
-    ) -> Flown:
+    ) -> CandidateResults:
         def largest(name: str) -> Array:
             """Metric of the vehicle that has the largest."""
             found: Array = np.max(
@@ -242,7 +241,7 @@ class TeamCandidates(CandidateFlights):
 
         lost = ~completed | ~(largest(TILT) < LARGEST_TILT)
         position, pull = (penalize(table(name), lost) for name in (POSITION, PULL))
-        return Flown(
+        return CandidateResults(
             error=np.sqrt(position * pull),
             tip=position,
             base=position,
@@ -264,7 +263,8 @@ class NoMargins(HoverMargins):
     """Margins that are not required."""
 
     def __init__(self, *_: object) -> None:
-        self._loops, self._why_none = None, WITHOUT
+        self._loops = None
+        self._why_none = WITHOUT
 
 
 class TeamSubject(Subject):

@@ -13,7 +13,7 @@ from skyarm.records.identity import identity
 from skyarm.records.leaves import part, parts, walk
 from skyarm.records.text_tables import Row, aligned_lines
 from skyarm.studies.tune.front import RULE, LoopMargins, Point
-from skyarm.studies.tune.tuning import Aside, Tuning
+from skyarm.studies.tune.tuning import Tuning, Validation
 from skyarm.view.pages import Facts, render_template
 from skyarm.view.pages import page as plain_page
 
@@ -52,17 +52,18 @@ def gains_of(tuning: Tuning, point: Point) -> dict[str, float | list[float]]:
             for _, value in walk(part(tuned, place), place)
             if isinstance(value, float)
         ]
+        # equal numbers, as of all axes, are stated as one
         gains[knob.path] = values[0] if len(set(values)) == 1 else values
     return gains
 
 
-def gains_text(tuning: Tuning, point: Point, words: Facts, kept: Facts) -> str:
+def gains_text(tuning: Tuning, point: Point, law: Facts, kept: Facts) -> str:
     """Text of a TOML file of tuned gains, with their origin.
 
     Args:
         tuning: result.
         point: point of its front.
-        words: facts of the law, for [law].
+        law: facts of the law, for [law].
         kept: gains that stood in the file before and are no knobs.
     """
     plan = tuning.plan
@@ -79,7 +80,7 @@ def gains_text(tuning: Tuning, point: Point, words: Facts, kept: Facts) -> str:
             " --laws THIS FILE"
         ),
         "schema = 1",
-        *_table("law", words),
+        *_table("law", law),
         "",
         "[gains]",
     ]
@@ -128,14 +129,15 @@ def plain_point(tuning: Tuning, point: Point) -> dict[str, float | str]:
     return _scores(tuning, point) | plain_margins(point.margins)
 
 
-def plain_aside(tuning: Tuning, aside: Aside) -> dict[str, float | str | bool]:
+def plain_aside(tuning: Tuning, aside: Validation) -> dict[str, float | str | bool]:
     """Scores of gains on validation plants, as plain data."""
     return {**_scores(tuning, aside), "meets_constraints": aside.meets}
 
 
-def _scores(tuning: Tuning, scored: Point | Aside) -> dict[str, float | str]:
+def _scores(tuning: Tuning, scored: Point | Validation) -> dict[str, float | str]:
     """Scores that the subject of a tuning has, by their names in files."""
-    names, numbers = tuning.plan.subject.score_names, parts(scored)
+    names = tuning.plan.subject.score_names
+    numbers = parts(scored)
     return {
         names[name]: _short(float(numbers[name])) for name in names if name in numbers
     }
@@ -147,16 +149,14 @@ def plain_margins(margins: LoopMargins) -> dict[str, float | str]:
     """
     if margins.why_none:
         return {"no_margins": margins.why_none}
-    delay: dict[str, float | str] = (
-        {"delay_margin_s": _short(margins.delay)}
-        if math.isfinite(margins.delay)
-        else {}
-    )
-    return delay | {
-        f"{name}_gain_{side}": _short(value)
-        for name, pair in (("rotor", margins.rotors), ("joint", margins.joints))
-        for side, value in zip(("least", "most"), pair, strict=True)
-        if math.isfinite(value) and value > 0.0
+    stated = {"delay_margin_s": margins.delay}
+    for name, pair in (("rotor", margins.rotors), ("joint", margins.joints)):
+        stated[f"{name}_gain_least"], stated[f"{name}_gain_most"] = pair
+    # a factor of 0 or without end is one beyond those that were looked at
+    return {
+        name: _short(value)
+        for name, value in stated.items()
+        if math.isfinite(value) and (value > 0.0 or name == "delay_margin_s")
     }
 
 
@@ -272,7 +272,7 @@ def _without(absent: Collection[str], rows: Sequence[Row]) -> list[Row]:
     ]
 
 
-def _errors(scored: Point | Aside) -> tuple[str, str]:
+def _errors(scored: Point | Validation) -> tuple[str, str]:
     """Format the error and the pull for a table row."""
     return f"{1e3 * scored.tip:.3g} mm", f"{scored.pull:.3g} N"
 

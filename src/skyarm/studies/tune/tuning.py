@@ -27,12 +27,12 @@ from skyarm.records.files import PathLike, versions
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import as_scenario, is_scenario
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.flights import Crew, Store
+from skyarm.studies.flights import Store, WorkRunner
 from skyarm.studies.flights.executor import LOCAL, Progress, require_place
 from skyarm.studies.tune.candidate_flights import (
     WEIGHTS,
     CandidateFlights,
-    Flown,
+    CandidateResults,
     Scores,
     of_drawn,
     scores,
@@ -102,7 +102,7 @@ class TuningPlan:
 
 
 @immutable
-class Aside:
+class Validation:
     """Scores of gains on validation plants and a reference path that are not used in
     tuning.
 
@@ -140,7 +140,7 @@ class Tuning:
     picked: int
     required: Required
     plants: Plants
-    aside: dict[str, Aside]
+    aside: dict[str, Validation]
 
     @property
     def pick(self) -> Point:
@@ -172,27 +172,27 @@ class Tuner:
 
     Args:
         plan: plan of the tuning. plants: plants of the search.
-        crew: flies them; results do not depend on it. progress: called after every
+        runner: flies them; results do not depend on it. progress: called after every
             round.
     """
 
     def __init__(
-        self, plan: TuningPlan, plants: Plants, crew: Crew, progress: Progress
+        self, plan: TuningPlan, plants: Plants, runner: WorkRunner, progress: Progress
     ) -> None:
-        self._plan, self._crew = plan, crew
+        self._plan, self._runner = plan, runner
         self._plants = with_own(plants) if plan.own else plants
-        self._progress, self._done = progress, 0
+        self._progress = progress
+        self._done = 0
         self._first: tuple[Array, Scores] | None = None
-        effort = plan.effort
-        rounds = effort.scatter * effort.first_plants
         self._stages = sizes = plan.stages
-        rounds += (effort.candidates - effort.scatter) * effort.plants + len(
-            WEIGHTS
-        ) * sizes.pool * effort.plants
+        effort = plan.effort
+        # after the scatter each leader of a weight flies the pool once
+        later = effort.candidates - effort.scatter + len(WEIGHTS) * sizes.pool
         self._total = (
-            rounds
+            effort.scatter * effort.first_plants
+            + later * effort.plants
             + sizes.semifinalists * sizes.further
-            + sizes.points * plan.stages.unseen
+            + sizes.points * sizes.unseen
         )
 
     @cached_property
@@ -203,7 +203,7 @@ class Tuner:
             plan.flight,
             plan.knobs,
             self._plants,
-            self._crew,
+            self._runner,
             own=plan.own,
             seed=plan.seed,
             gust=True,
@@ -212,7 +212,7 @@ class Tuner:
     @cached_property
     def _margins(self) -> HoverMargins:
         return self._plan.subject.margins(
-            self._plan.flight, self._plan.knobs, self._crew.workers
+            self._plan.flight, self._plan.knobs, self._runner.workers
         )
 
     def judge(self, number: int, asked: Array, plants: int) -> Scores:
@@ -300,11 +300,13 @@ class Tuner:
             plan.stages.unseen,
             1,
             rows,
+            # along the scenario's own motion no other is drawn
             mixed=plan.own is None,
             saturation=True,
         )
         self._progress(self._total, self._total, "margins")
-        scored, margins = scores(flown), self._margins.measure(rows)
+        scored = scores(flown)
+        margins = self._margins.measure(rows)
         return [
             Point(
                 logs=tuple(row.tolist()),
@@ -320,7 +322,7 @@ class Tuner:
             for i, row in enumerate(rows)
         ]
 
-    def fly_aside(self, points: dict[str, Point]) -> dict[str, Aside]:
+    def fly_aside(self, points: dict[str, Point]) -> dict[str, Validation]:
         """Validate the selected and the initial gains on plants and a reference path
         not used in tuning.
         """
@@ -334,7 +336,7 @@ class Tuner:
             points.items(), flown.tip, flown.jitter, flown.lost, flown.pull, strict=True
         )
         return {
-            name: Aside(
+            name: Validation(
                 tip=float(tip),
                 jitter=float(jitter),
                 lost=float(lost),
@@ -354,10 +356,12 @@ class Tuner:
         *,
         mixed: bool = False,
         saturation: bool = False,
-    ) -> Flown:
+    ) -> CandidateResults:
         """Simulate some gain candidates on another scenario, with plants and noise not
         used in the search.
         """
+        # apart from the search's, and from that of its best once more, which is 2
+        # further
         seed = self._plan.seed + further
         subject = self._plan.subject
         plants = subject.draw(scenario, count, seed=seed, mixed=mixed)
@@ -365,7 +369,7 @@ class Tuner:
             scenario,
             self._plan.knobs,
             plants,
-            self._crew,
+            self._runner,
             seed=seed,
             saturation=saturation,
         )
@@ -452,14 +456,13 @@ def tune(
     if isinstance(what, Vehicle) or not (
         isinstance(what, Scenario) or is_scenario(str(what))
     ):
-        moves, scenario = (
-            False,
-            of_vehicle(
-                what if isinstance(what, Vehicle) else load_vehicle(what), controller
-            ),
+        moves = False
+        scenario = of_vehicle(
+            what if isinstance(what, Vehicle) else load_vehicle(what), controller
         )
     else:
-        moves, scenario = True, as_scenario(what, controller)
+        moves = True
+        scenario = as_scenario(what, controller)
     subject = subject_of(scenario)
     label = subject.label(scenario, controller)
     plan = plan_of(
@@ -525,13 +528,13 @@ def tune_plan(
     store = None if folder is None else Store.if_kept(folder)
     with (
         store.alone() if store else nullcontext(),
-        Crew(on, workers, store) as crew,
+        WorkRunner(on, workers, store) as runner,
         one_blas_thread(),
     ):
-        return _tune(plan, crew, progress or (lambda *_: None))
+        return _tune(plan, runner, progress or (lambda *_: None))
 
 
-def _tune(plan: TuningPlan, crew: Crew, progress: Progress) -> Tuning:
+def _tune(plan: TuningPlan, runner: WorkRunner, progress: Progress) -> Tuning:
     """Tune the gains of a controller, with a given runner for the simulations."""
     subject, sizes = plan.subject, plan.stages
     start = subject.centred(plan.flight, plan.knobs, plan.label)
@@ -545,7 +548,7 @@ def _tune(plan: TuningPlan, crew: Crew, progress: Progress) -> Tuning:
         knobs=start.knobs,
     )
     plants = subject.draw(plan.flight, plan.effort.plants, seed=plan.seed, mixed=True)
-    tuner = Tuner(plan, plants, crew, progress)
+    tuner = Tuner(plan, plants, runner, progress)
     logs, rounds = search(
         plan.knobs, plan.effort, tuner.judge, seed=plan.seed, starts=start.rows
     )

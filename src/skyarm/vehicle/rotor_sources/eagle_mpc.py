@@ -31,6 +31,7 @@ WORDS = {
 
 
 def eagle_mpc_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
+    # a file of another suffix is not opened, because YAML takes almost any text
     """Rotors of the ``platform`` of a YAML file, in their order."""
     name = file.path.name
     if file.path.suffix not in (".yaml", ".yml"):
@@ -38,6 +39,8 @@ def eagle_mpc_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
     try:
         import yaml
 
+        # a class of its own, because a resolver added to SafeLoader would change it for
+        # all programs
         loader: Any = type("Loader", (yaml.SafeLoader,), {})
         loader.add_implicit_resolver(
             "tag:yaml.org,2002:float", EXPONENT, [*"+-.0123456789"]
@@ -47,6 +50,7 @@ def eagle_mpc_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
         refuse("file", name, needs_extra("yaml"))
     except Exception as error:  # yaml's own, encodings, depth
         refuse("YAML", one_line(str(error)), "must be well-formed")
+    # a YAML file of something else is no error: other sources may know it
     if not isinstance(top, dict) or "platform" not in top:
         return ()
     with errors_as(VehicleError):
@@ -64,6 +68,7 @@ def eagle_mpc_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
             where["min_thrust"] = (
                 f"{least} N in {name}; not read: a rotor may stand still here"
             )
+        # eagle-mpc's own files write $rotors
         tables = platform.tables("$rotors" if "$rotors" in platform.table else "rotors")
         if (count := platform.take("n_rotors", len(tables))) != len(tables):
             refuse(
@@ -82,6 +87,7 @@ def _rotor(
     table: Fields, name: str, link: str, values: dict[str, float], where: dict[str, str]
 ) -> StatedRotor:
     turn, four = table.numbers("spin_direction"), table.numbers("orientation")
+    # the field is a list of one number in their files
     if turn not in ((1.0,), (-1.0,)):
         refuse(table.at("spin_direction"), list(turn), "must be [1] (cw) or [-1] (ccw)")
     if len(four) != 4 or not any(four):
@@ -90,12 +96,14 @@ def _rotor(
             list(four),
             "must be the four numbers x, y, z, w of a quaternion",
         )
+    # their quaternions have the scalar last
     axis = Quaternion(four[3], *four[:3]).normalized().rotation().apply(Vec3(0, 0, 1))
     return StatedRotor(
         name,
         link,
         description.vector(table.vector("translation")),
         description.unit_axis(name, axis),
+        # their spin direction has the opposite sign of this library's
         {**values, "direction": -int(turn[0])},
         where,
         absent=NO_LAG,

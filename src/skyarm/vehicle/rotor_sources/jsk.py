@@ -32,12 +32,14 @@ def jsk_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
 
 def _rotor(joint: ET.Element, link: str, root: ET.Element) -> StatedRotor:
     name, rate = joint.get("name", ""), root.find("m_f_rate[@value]")
+    # a limit of zero is one that the file leaves out
     values: dict[str, float] = {}
     if most := number(joint.find("limit"), "upper", f"joint[{name}].limit", 0.0):
         values[MAX_THRUST] = most
     if rate is not None:
         per_thrust = number(rate, "value", "m_f_rate", 0.0)
         values["moment_coefficient"] = abs(per_thrust)
+        # only z counts, as in their program, which takes the thrust along it
         turn = (
             per_thrust
             * numbers(
@@ -45,6 +47,7 @@ def _rotor(joint: ET.Element, link: str, root: ET.Element) -> StatedRotor:
             )[2]
         )
         if turn:
+            # a positive torque on the body belongs to a rotor that turns clockwise
             values["direction"] = -1 if turn > 0.0 else 1
     elements = tuple(
         each

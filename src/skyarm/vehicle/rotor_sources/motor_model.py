@@ -57,6 +57,7 @@ def motor_models(file: RotorFile) -> tuple[StatedRotor, ...]:
     joints = [each.get("name", "") for each in file.xml.findall("joint")]
     return tuple(
         _rotor(each, joints)
+        # motor numbers, not the order in the file, are the rows of the mixer
         for each in sorted(
             filter(is_motor, file.xml.iter("plugin")), key=_number_of_motor
         )
@@ -67,10 +68,10 @@ def blade_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
     """Rotors of LiftDrag plugins, as ArduPilot's: links that turn without end, with
     lift slopes in place of thrust.
     """
-    links, blades = (
-        [each.get("name", "") for each in file.xml.findall("link")],
-        dict[str, list[ET.Element]](),
-    )
+    links = [each.get("name", "") for each in file.xml.findall("link")]
+    blades = dict[str, list[ET.Element]]()
+    # lift slopes mark a blade; a wing's or a fin's link does not turn without end and
+    # drops out below
     for plugin in (
         each for each in file.xml.iter("plugin") if each.find("cla") is not None
     ):
@@ -91,14 +92,14 @@ def _blade_rotor(
     """Rotor of a link with blades: its thrust is along the joint's axis, to the side of
     their lift.
     """
-    name, absent = (
-        joint.get("name", ""),
-        {"thrust_coefficient": "its blades are LiftDrag plugins, with lift slopes"},
-    )
+    name = joint.get("name", "")
+    absent = {"thrust_coefficient": "its blades are LiftDrag plugins, with lift slopes"}
     field = f"joint[{name}].axis"
     spin = description.unit_axis(
         field, numbers(joint.find("axis"), "xyz", field, (1.0, 0.0, 0.0))
     )
+    # the sign of the joint's rate decides, because a blade that moves backwards lifts
+    # the other way
     sides = {_side_of_lift(each, spin, _full_rate(file, name)) for each in blades}
     if sides not in ({1}, {-1}):
         absent["axis"] = (
@@ -129,6 +130,7 @@ def _side_of_lift(blade: ET.Element, spin: Vec3, turning: float) -> int:
         for word, usual in (("forward", "1 0 0"), ("upward", "0 0 1"), ("cp", "0 0 0"))
     )
     upward = description.unit_axis(f"{_field(blade)}.upward", upward)
+    # across or to both sides no direction of the thrust can be read
     if float(spin.cross(upward).norm()) > ALONG:
         return 0
     backward = float(spin.cross(arm).dot(forward)) * turning < 0.0
@@ -144,6 +146,7 @@ def _full_rate(file: RotorFile, joint: str) -> float:
             text = text_of(
                 control, "multiplier", text_of(control, "turningDirection", "1")
             )
+            # cw and ccw of newer files, a signed multiplier of older ones
             return SENSES.get(text) or finite(text, f"control[{joint}].multiplier")
     return 0.0
 
@@ -167,7 +170,10 @@ def _number_of_motor(plugin: ET.Element) -> float:
 
 
 def _rotor(plugin: ET.Element, joints: Sequence[str]) -> StatedRotor:
-    field, name, where, absent = _field(plugin), text_of(plugin, "linkName"), {}, {}
+    field = _field(plugin)
+    name = text_of(plugin, "linkName")
+    where = {}
+    absent = {}
     values = dict[str, Any]()
     assumed: tuple[str, ...] = ()
     if not name:
@@ -196,6 +202,7 @@ def _rotor(plugin: ET.Element, joints: Sequence[str]) -> StatedRotor:
             True,
             "reversible of the motor-model plugins",
         )
+    # a force- or position-controlled motor has no thrust by its speed
     if (kind := text_of(plugin, "motorType")) not in ("", "velocity"):
         values.pop("thrust_coefficient", None)
         absent["thrust_coefficient"] = (
@@ -207,6 +214,8 @@ def _rotor(plugin: ET.Element, joints: Sequence[str]) -> StatedRotor:
             joint,
             f"must be a joint of the file: {', '.join(joints) or 'it has none'}",
         )
+    # the simulated joint turns slower by this ratio, and its link has that much more
+    # inertia
     slower = finite(text_of(plugin, SLOWDOWN, SLOWER), f"{field}.{SLOWDOWN}")
     if not slower > 0.0:
         refuse(f"{field}.{SLOWDOWN}", slower, "must be above 0")

@@ -57,9 +57,11 @@ def thrusts_at_sites(file: RotorFile) -> tuple[StatedRotor, ...]:
     """
     if not isinstance(file.content, MujocoVehicle):
         return ()
-    model, sites = file.content.model, dict[int, list[int]]()
+    model = file.content.model
+    sites = dict[int, list[int]]()
     for actuator in np.flatnonzero(model.actuator_trntype == SITE).tolist():
         site = model.actuator_trnid[actuator][0]
+        # sites on other bodies of the world push something else than the vehicle
         if file.content.root in (0, model.body_rootid[model.site_bodyid[site]]):
             sites.setdefault(site, []).append(actuator)
     return tuple(
@@ -78,15 +80,19 @@ def _at_site(
     model = vehicle.model
     known = [
         each
+        # a dynamics that lets a constant control through leaves the thrust a number
+        # times it
         for each in actuators
         if is_plain(model, each) and model.actuator_dyntype[each] in LAGGING
     ]
     pushing = [each for each in known if model.actuator_gear[each][:3].any()]
     if pushing:
         axis = model.actuator_gear[pushing[0]][:3]
+        # all actuators of the site must push and turn along one line
         across = np.cross(
             axis, model.actuator_gear[actuators].reshape(-1, 3)
         ) / np.linalg.norm(axis)
+        # a reference site makes the push depend on where another site is
         if abs(across).max() > ALONG or model.actuator_trnid[actuators, 1].max() >= 0:
             pushing = []
     for each in set(actuators) - set(pushing):
@@ -97,6 +103,7 @@ def _at_site(
         why += ", and no rotor; not read; [[rotors]] states them"
         vehicle.notes.add(why, name_of(model, "actuator", each), "actuator")
     return [
+        # one rotor at a site bears the site's name, several those of their actuators
         _rotor(vehicle, site, each, model.site(site).name if len(pushing) == 1 else "")
         for each in pushing
     ]
@@ -106,22 +113,18 @@ def _rotor(vehicle: MujocoVehicle, site: int, actuator: int, name: str) -> State
     """Rotor of one actuator: in base axes if the joints below it only spin or tilt it,
     else at its site.
     """
-    model, data, gear = (
-        vehicle.model,
-        vehicle.data,
-        vehicle.model.actuator_gear[actuator],
-    )
+    model = vehicle.model
+    data = vehicle.data
+    gear = vehicle.model.actuator_gear[actuator]
     size, values = float(np.linalg.norm(gear[:3])), _values(model, actuator)
-    thrust, hub = (
-        data.site_xmat[site].reshape(3, 3) @ gear[:3] / size,
-        data.site_xpos[site],
-    )
-    name, turned = (
-        name or name_of(model, "actuator", actuator),
-        data.xmat[vehicle.root].reshape(3, 3).T,
-    )
-    joints, body = list[int](), model.site_bodyid[site]
+    thrust = data.site_xmat[site].reshape(3, 3) @ gear[:3] / size
+    hub = data.site_xpos[site]
+    name = name or name_of(model, "actuator", actuator)
+    turned = data.xmat[vehicle.root].reshape(3, 3).T
+    joints = list[int]()
+    body = model.site_bodyid[site]
     while body not in (0, vehicle.root):
+        # outermost joint first, hence reversed within each body
         joints += reversed(
             range(
                 model.body_jntadr[body],
@@ -133,19 +136,18 @@ def _rotor(vehicle: MujocoVehicle, site: int, actuator: int, name: str) -> State
     named = dict(
         zip(roles, (name_of(model, "jnt", joint) for joint in joints), strict=True)
     )
-    link, place, axis = (
-        "base",
-        turned @ (hub - data.xpos[vehicle.root]),
-        turned @ thrust,
-    )
+    link = "base"
+    place = turned @ (hub - data.xpos[vehicle.root])
+    axis = turned @ thrust
+    # any other joint below carries the rotor: it rides on an arm and is placed at its
+    # site
     if roles not in ([], ["joint"], ["tilt_joint"], ["joint", "tilt_joint"]):
-        link, place, axis, named = (
-            name_of(model, "site", site),
-            np.zeros(3),
-            gear[:3],
-            {},
-        )
+        link = name_of(model, "site", site)
+        place = np.zeros(3)
+        axis = gear[:3]
+        named = {}
     least, most = force_range(model, actuator)
+    # a rotor of this library stops or reverses as far as it pushes
     if least not in (0.0, -most):
         vehicle.notes.add(
             f"least thrust {size * least:.3g} N: not read; a rotor here stops, or"
@@ -187,12 +189,13 @@ def _values(model: Any, actuator: int) -> dict[str, Any]:
         force_range(model, actuator),
         dict[str, Any](),
     )
-    size, lag = (
-        float(np.linalg.norm(gear[:3])),
-        float(model.actuator_dynprm[actuator][0]),
-    )
+    size = float(np.linalg.norm(gear[:3]))
+    lag = float(model.actuator_dynprm[actuator][0])
+    # torque along the thrust per thrust; the square because both carry the gear's
+    # length
     if turning := float(gear[:3] @ gear[3:]) / size**2:
         values |= {
+            # torque on the body against the rotor's sense
             "moment_coefficient": abs(turning),
             "direction": -1 if turning > 0.0 else 1,
         }
@@ -226,8 +229,10 @@ def _is_of_one(model: Any, joint: int) -> bool:
     """True for a joint that no equality ties to another one, and that moves one site
     with actuators.
     """
-    carried, tied = {model.jnt_bodyid[joint]}, model.eq_type == EQUAL_JOINTS
+    carried = {model.jnt_bodyid[joint]}
+    tied = model.eq_type == EQUAL_JOINTS
     for body in range(model.nbody):
+        # children have higher numbers than their parents, so one pass finds all
         carried |= {body} if model.body_parentid[body] in carried else set()
     sites = set(model.actuator_trnid[model.actuator_trntype == SITE, 0].tolist())
     pushed = [site for site in sites if model.site_bodyid[site] in carried]
@@ -239,10 +244,9 @@ def _is_of_one(model: Any, joint: int) -> bool:
 
 def _tilt(vehicle: MujocoVehicle, joint: int, turned: Array) -> dict[str, Any]:
     """Axis and range of a hinge that tilts a rotor, as fields of a tilt."""
-    model, axis = (
-        vehicle.model,
-        description.unit_axis("tilt.axis", turned @ vehicle.data.xaxis[joint]),
-    )
+    model = vehicle.model
+    axis = description.unit_axis("tilt.axis", turned @ vehicle.data.xaxis[joint])
+    # limits count from the reference position here
     ends = model.jnt_range[joint] - model.qpos0[model.jnt_qposadr[joint]]
     return {
         "axis": axis,

@@ -55,6 +55,7 @@ def own_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
                 len(every),
                 f"must be {len(joints)}, as many as motor-model plugins",
             )
+        # taken, though unused: a rotor in this text without a position is refused
         for fields in tables.tables.values():
             fields.take("position")
         return tuple(
@@ -68,12 +69,14 @@ def _custom_text(model: Any) -> str:
         *(getattr(model, each, ()) for each in TEXTS), strict=True
     ):
         if model.names[name:].startswith(b"skyarm:rotors\0"):
+            # size counts MuJoCo's closing zero byte
             return bytes(model.text_data[begin : begin + size - 1]).decode()
     return ""
 
 
 def _rotor(name: str, values: dict[str, Any], joint: str) -> StatedRotor:
     position, axis = values.pop("position"), values.pop("axis", UP)
+    # a file that states no largest speed means none, and that is no gap
     values.setdefault("max_speed", math.inf)
     where = dict.fromkeys(values, "skyarm's own element in the file")
     return StatedRotor(

@@ -34,6 +34,7 @@ def properties_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
         for each in root.findall("link")
         if re.match(r"prop\D*\d", each.get("name", ""))
     ]
+    # weight of the first link only, as the programs compute it
     mass = number(root.find("link[1]/inertial/mass"), "value", "mass", 0.0)
     scales = {
         "kf": ("thrust_coefficient", PER_RPM),
@@ -44,7 +45,10 @@ def properties_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
     stated = {word: each for word, each in scales.items() if properties.get(word)}
     where = {ours: f"{word} of <properties>" for word, (ours, _) in stated.items()}
     if others := ", ".join(
-        word for word in properties.attrib if word not in (*scales, "arm")
+        # arm is only the length that the places already have
+        word
+        for word in properties.attrib
+        if word not in (*scales, "arm")
     ):
         where["properties"] = f"{others}: not read; [drag] states what the air takes"
     return tuple(

@@ -66,6 +66,7 @@ def px4_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
     """Rotors of PX4's parameters, by their numbers; their places are scaled by
     ``arm_length`` (m), the longest arm.
     """
+    # YAML files belong to eagle-mpc, and XML files state rotors of their own
     stated = (
         _parameters(file.path)
         if file.content is None and file.path.suffix not in (".yaml", ".yml")
@@ -87,22 +88,24 @@ def px4_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
         [stated.get(f"CA_ROTOR{k}_{word}", USUAL[word]) for word in USUAL]
         for k in range(int(count))
     ]
+    # places are ratios to PX4, so one length in metres scales them all
     longest = max(math.hypot(*each[:3]) for each in rotors)
     relative = (
         f"[rotor_file] arm_length, m, scales them: the longest arm is {longest:g} in"
         " the file"
     )
-    scale, absent = 1.0, {**ABSENT, "position": relative}
+    scale = 1.0
+    absent = {**ABSENT, "position": relative}
     if longest and file.settings.states("arm_length"):
-        scale, absent = (
-            file.settings.number("arm_length", low=0.0, strict=True) / longest,
-            ABSENT,
-        )
+        scale = file.settings.number("arm_length", low=0.0, strict=True) / longest
+        absent = ABSENT
     return tuple(
         StatedRotor(
             f"rotor_{k}",
+            # from forward, right, down to forward, left, up
             position=description.vector([scale * x, -scale * y, -scale * z]),
             axis=description.unit_axis(f"CA_ROTOR{k}_AX, AY, AZ", [ax, -ay, -az]),
+            # a KM of zero has no sign, so the direction is a gap
             values=({"direction": int(math.copysign(1, km))} if km else {})
             | ({"reversible": True} if int(backwards) >> k & 1 else {}),
             where=WHERE,
@@ -136,6 +139,8 @@ def _parameters(path: Path) -> dict[str, float]:
     for name, text in pairs:
         if (
             name.startswith(("CA_ROTOR", REVERSED))
+            # two files of parameters in one, with different values, would leave the
+            # choice to chance
             and values.setdefault(name, value := finite(str(text), name)) != value
         ):
             refuse(

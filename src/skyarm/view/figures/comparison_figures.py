@@ -130,10 +130,12 @@ def _draw_errors(ax: Axes, errors: Mapping[str, Sequence[float | None]]) -> None
     for i, ((name, series), (marker, color)) in enumerate(
         zip(errors.items(), MARKERS, strict=False)
     ):
+        # side by side in a row; one series alone stands in its middle
         down = APART * (i / (len(errors) - 1) - 0.5) if len(errors) > 1 else 0.0
         places = [
             (value, row + down)
             for row, value in enumerate(series)
+            # a logarithm has no place for zero
             if value is not None and value > 0.0
         ]
         if places:
@@ -262,6 +264,7 @@ def _draw_law(
         for p in points
     ]
     panel.plot(places, error, markersize=4, zorder=3 + place, **look)
+    # the cross of each law has its own height in the band, so that none hides another
     height = HIGH * (TOP / HIGH) ** (0.15 + 0.85 * place)
     lost = [at for at, point in zip(places, points, strict=True) if point["lost"]]
     heights = [height] * len(lost)

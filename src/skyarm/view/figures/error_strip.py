@@ -95,6 +95,7 @@ def error_strip(
         clipped = np.clip(curve.error, SMALLEST if logarithmic else 0.0, LARGEST)
         every = max(1, len(clipped) // POINTS)
         whole = len(clipped) // every * every
+        # the largest of each interval: a thinned curve would lose its peaks
         error = unit * clipped[:whole].reshape(-1, every).max(axis=1)
         ax.plot(
             curve.time[:whole:every], error, color=curve.color, linewidth=1.7 * scale
@@ -111,16 +112,19 @@ def error_strip(
     ax.set_ylabel("force, N" if forces else "tip error, mm", **style.words)
     canvas.draw()
     box = ax.get_window_extent()
+    # the canvas is drawn into again: the pixels must not change
     pixels = np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
     return Strip(
         pixels,
         float(box.x0),
         float(box.x1),
+        # row 0 of an image is at the top, that of a figure at the bottom
         round(height - box.y1),
         round(height - box.y0),
     )
 
 
 def _far_apart(curves: Sequence[Curve]) -> bool:
+    # a median: one peak must not decide on the scale
     medians = [max(float(np.median(curve.error)), SMALLEST) for curve in curves]
     return max(medians) / min(medians) > RATIO_OF_LOGARITHM

@@ -57,6 +57,7 @@ def scenario_of(log: Log) -> Scenario | None:
 def end_time(log: Log) -> float:
     """End time (s) of a log's last control period."""
     return (
+        # decimal: the end of a period must not be 19.999999999999996
         round(float(log.time[-1]) + 1.0 / float(log.info["rates_hz"]["control"]), 9)
         if log.time.size
         else 0.0
@@ -89,6 +90,7 @@ def gust_interval(log: Log) -> Span | None:
             else None
         )
     blowing = np.flatnonzero(lengths(log.wind_force) > 0.0)
+    # a force that blows throughout is a wind and no gust
     if not blowing.size or blowing.size == log.time.size:
         return None
     end = min(int(blowing[-1]) + 1, log.time.size - 1)
@@ -152,6 +154,8 @@ def flight_labels(logs: Sequence[Log], files: Sequence[str] = ()) -> list[str]:
         ]
         for field in ("scenario", "plant", "seed")
     )
+    # file names first, as the user chose them; numbers tell apart what nothing else
+    # does
     for labels in ([Path(file).stem for file in files], laws, *told_by, files):
         short = [shorten_label(label) for label in labels]
         if len(short) == len(logs) == len(set(short)):
@@ -163,6 +167,7 @@ def vehicle_logs(label: str, log: Log) -> list[tuple[str, Log]]:
     """Log of each vehicle with its label: that of the flight, and the vehicle's name
     where there are several.
     """
+    # a report of one vehicle has no use for its name
     if len(log.agents) == 1:
         return [(label, log)]
     return [
@@ -200,14 +205,13 @@ def applied_force(log: Log) -> Array | None:
     """Contact force (N) on the vehicle over time: normal to surfaces, of the grip on a
     handle, of grasps; else None.
     """
-    touches, grips, pulls = (
-        own_forces(log, "contact_force"),
-        own_forces(log, "gripper_force"),
-        grasp_pulls(log),
-    )
+    touches = own_forces(log, "contact_force")
+    grips = own_forces(log, "gripper_force")
+    pulls = grasp_pulls(log)
     if not touches.size:
         return np.linalg.norm([*pulls.values()], axis=2).sum(axis=0) if pulls else None
     normal, grip = np.asarray(touches.sum(axis=1)), np.asarray(grips.sum(axis=1))
+    # grips count where nothing presses on a surface: a handle's is the task's force
     return grip if grips.size and not normal.any() else normal
 
 
@@ -246,10 +250,8 @@ def grasp_pulls(log: Log) -> dict[str, Array]:
     """Force (N, 3), world axes, of a log's vehicle on each body that it holds by
     grasps, by the body's name.
     """
-    pulls, forces = (
-        log.component("grasp_pull").reshape(log.time.size, -1, 3),
-        dict[str, Array](),
-    )
+    pulls = log.component("grasp_pull").reshape(log.time.size, -1, 3)
+    forces: dict[str, Array] = {}
     scenario = scenario_of(log) if pulls.size else None
     if scenario is None or scenario.world is None:
         return {}

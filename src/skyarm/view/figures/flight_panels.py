@@ -249,10 +249,8 @@ def _pair_force(*pair: str) -> Read:
 
     def read(log: Log) -> Array | None:
         pairs = contact_pairs(log)
-        forces, owned = (
-            log.component("contact_force"),
-            pair in pairs and pair[1] not in parts_of_others(log),
-        )
+        forces = log.component("contact_force")
+        owned = pair in pairs and pair[1] not in parts_of_others(log)
         return (
             forces[:, pairs.index(pair)]
             if owned and forces.shape[1] == len(pairs)
@@ -282,6 +280,7 @@ def _yaw(log: Log) -> Array:
     reference.
     """
     yaw = log.euler[:, 2]
+    # as many turns as bring it nearest to its reference
     return np.degrees(yaw + math.tau * np.round((log.yaw_reference - yaw) / math.tau))
 
 
@@ -291,6 +290,7 @@ def _efforts(logs: Logs) -> Panels:
     """
     panels = []
     for i, label, kind, joints in _joints(logs):
+        # a command in newton metres and one in radians share no axis
         for setpoint in dict.fromkeys(
             names_of(log).setpoints[i] for log in logs if i < log.efforts.shape[1]
         ):
@@ -436,6 +436,7 @@ def panels_of(kind: str, logs: Logs, *, together: bool = False) -> Panels:
     has_tip = any(not np.array_equal(log.tip, log.position) for log in logs)
     left_out = {"parts", *([] if has_tip else ["tip"]), *([] if together else ["team"])}
     kinds = [name for name in KINDS if name not in left_out] if kind == ALL else [kind]
+    # the same panel may belong to two kinds, such as the tip's error
     each_once = {
         (panel.label, panel.unit): panel
         for each in kinds

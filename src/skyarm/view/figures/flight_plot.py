@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
 from skyarm.log.flight_log import Log
-from skyarm.records.arrays import Array, Mask
+from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.files import PathLike, number
 from skyarm.records.files.names import require_suffix
 from skyarm.view.figures.flight_facts import (
@@ -154,6 +154,7 @@ def _inside(log: Log, span: Span) -> Mask:
 def _frame(ax: Axes) -> None:
     """Set axes limits to a square around the drawn paths."""
     ends = np.array([ax.dataLim.min, ax.dataLim.max])
+    # without any finite point the picture shows a square of 2 m
     ends[:, ~np.isfinite(ends).all(axis=0)] = [[-1.0], [1.0]]
     half = 0.5 * float(np.max(ends[1] - ends[0]))
     half = max(half * (1.0 + 2.0 * ROOM), half + LEAST)
@@ -173,11 +174,9 @@ def world_of(named: Named, span: Span) -> Scene:
         inside = np.flatnonzero(_inside(log, span))
         if scenario is None or not inside.size:
             continue
-        ends, agents, team = (
-            inside[[0, -1]],
-            dict[str, Instants](),
-            [*log.agents.values()],
-        )
+        ends = inside[[0, -1]]
+        agents: dict[str, Instants] = {}
+        team = [*log.agents.values()]
         around = np.mean(np.concatenate([own.tip[inside] for own in team]), axis=0)
         for own, (name, agent) in zip(team, scenario.agents.items(), strict=True):
             agents[name] = Instants(
@@ -191,9 +190,13 @@ def world_of(named: Named, span: Span) -> Scene:
             )
         name, first = next(iter(agents)), team[0]
         seen = replace(agents[name], agents=agents)
-        scene = scene_in_log(
-            scenario.of(name).components, seen, lambda name: first.component(name)[ends]
-        )  # noqa: B023
+
+        # defaults, so that each flight has its own
+        def states(name: str, first: Log = first, ends: IntArray = ends) -> Array:
+            values: Array = first.component(name)[ends]
+            return values
+
+        scene = scene_in_log(scenario.of(name).components, seen, states)
         if scene.solids or scene.lines or scene.ground is not None:
             return scene
     return Scene()
@@ -219,6 +222,7 @@ def _draw_solid(ax: Axes, view: Projection, solid: Solid) -> None:
     """
     for k in (0, 1) if solid.moves else (0,):
         if (
+            # a plane seen face on would cover the paths
             solid.shape.kind == "patch"
             and abs(solid.rotation[k, :, 2] @ view.toward) > FACE_ON
         ):
@@ -332,6 +336,7 @@ def _window(window: Span | None, named: Named) -> Span:
     """
     end = max(map(end_time, named.values()))
     if window is None:
+        # one window for a flight without an instant, as an axis needs two ends
         return 0.0, end or 1.0
     start, stop = (number(value, f"window[{i}]") for i, value in enumerate(window))
     if not start < stop:
@@ -361,6 +366,7 @@ def _draw(ax: Axes, panel: Panel, named: Named, span: Span) -> Handles:
             curves += _received_curves(panel, log, values)
         for name, curve, look in curves:
             if curve is not None:
+                # a curve of one instant has no line: it is a dot
                 alone: Style = (
                     {"marker": "o", "markersize": 0.6 * PAPER.small}
                     if log.time.size == 1
@@ -429,7 +435,9 @@ def _different_references(panel: Panel, named: Named) -> list[tuple[Array, Array
     for log in sorted(named.values(), key=lambda log: -log.time.size):
         desired = panel.desired(log) if panel.desired else None
         if desired is not None and not any(
-            np.array_equal(desired, other[: desired.size]) for _, other in references
+            # a reference that only ends earlier is the same one
+            np.array_equal(desired, other[: desired.size])
+            for _, other in references
         ):
             references.append((log.time, desired))
     return references

@@ -59,6 +59,7 @@ def motion_frames(plan: Plan, fps: int, dpi: float) -> Iterator[Pixels]:
     figure.set_dpi(dpi)
     canvas: Any = FigureCanvasAgg(figure)
     canvas.draw()
+    # what does not move is drawn once and copied: a frame then costs only its lines
     still = canvas.copy_from_bbox(figure.bbox)
     drawn = [LineCollection([], colors="black", linewidths=2.0) for _ in axes]
     clock = axes[0].text(
@@ -85,12 +86,11 @@ def _paths(plan: Plan) -> tuple[Picture, list[Axes]]:
     """
     arrays = plan_arrays(plan)
     points = np.vstack([_stills(plan).reshape(-1, 3), arrays["position"]])
-    middle, half = (
-        0.5 * (points.max(axis=0) + points.min(axis=0)),
-        0.525 * np.ptp(points, axis=0),
-    )
+    middle = 0.5 * (points.max(axis=0) + points.min(axis=0))
+    half = 0.525 * np.ptp(points, axis=0)
     stacked = half[0] > 1.5 * max(half[1:])
     ratio = 3.6 if stacked else 1.05
+    # one scale for both: the wider side decides, in either direction
     width = max(half[0], ratio * max(half[1:]))
     figure = PAGE.blank(11.0, 6.4 if stacked else 5.6)
     axes = [
@@ -204,6 +204,7 @@ def limits_figure(plan: Plan) -> Figure:
         for k, column in enumerate(np.atleast_2d(values.T)):
             ax.plot(t, column, **PAGE.look(k).line)
         for end in ends:
+            # a limit of 180 degrees of tilt is none
             if math.isfinite(end) and end < 179.9:
                 ax.axhline(end, **PAGE.limit.line)
         for edge in plan.edges[1:-1]:

@@ -46,12 +46,10 @@ def axonometric(azimuth: float, elevation: float) -> Projection:
     """Make a parallel projection from azimuth (rad, from x towards y) and elevation
     (rad, above the horizon).
     """
-    ca, sa, ce, se = (
-        math.cos(azimuth),
-        math.sin(azimuth),
-        math.cos(elevation),
-        math.sin(elevation),
-    )
+    ca = math.cos(azimuth)
+    sa = math.sin(azimuth)
+    ce = math.cos(elevation)
+    se = math.sin(elevation)
     return Projection((-sa, ca, 0.0), (-se * ca, -se * sa, ce))
 
 
@@ -75,6 +73,7 @@ def hull(points: Array) -> Array:
     """
     angles = np.linspace(0.0, 2.0 * math.pi, DIRECTIONS, endpoint=False)
     farthest = np.argmax(points @ np.array([np.cos(angles), np.sin(angles)]), axis=0)
+    # successive directions with one farthest point are one corner
     return np.asarray(points[farthest[np.append(True, np.diff(farthest) != 0)]])
 
 
@@ -96,6 +95,7 @@ def perpendicular(axis: Array) -> Array:
     """Unit vector perpendicular to an axis, as close as possible to world z, or to
     x.
     """
+    # x for an axis near z, of which too little of z would be left across it
     guide = (
         np.array([0.0, 0.0, 1.0]) if abs(axis[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
     )

@@ -220,15 +220,16 @@ class PictureStyle:
         """Label a value axis with quantity and unit; a label longer than the axis is
         wrapped after "_" or " ".
         """
+        # the mean width of a letter is about half its size
         most = int(
             ax.get_window_extent().height / ax.figure.dpi * 72.0 / (0.48 * self.small)
         )
         end = f"[{unit}]" if unit else ""
-        words = f"{label} {end}".strip()
-        if len(words) > most:
+        text = f"{label} {end}".strip()
+        if len(text) > most:
             lines = re.findall(rf".{{1,{most}}}(?:(?<=[_ ])|$)|.{{1,{most}}}", label)
-            words = "\n".join(filter(None, (*lines, end)))
-        ax.set_ylabel(words, linespacing=1.0, **self.small_words)
+            text = "\n".join(filter(None, (*lines, end)))
+        ax.set_ylabel(text, linespacing=1.0, **self.small_words)
 
     def legend(self, figure: Figure, handles: Mapping[str, Artist]) -> None:
         """Draw one legend below the panels, with as many columns as fit into the
@@ -236,6 +237,7 @@ class PictureStyle:
         """
         canvas: Any = FigureCanvasAgg(figure)
         renderer = canvas.get_renderer()
+        # the widest legend that fits, one column at worst
         for columns in range(min(len(handles), 6), 0, -1):
             drawn = figure.legend(
                 list(handles.values()),
@@ -251,6 +253,7 @@ class PictureStyle:
                 borderaxespad=0.1,
             )
             for text in drawn.get_texts():
+                # a name such as $x$ of the user is text and no formula
                 text.set_parse_math(False)
             if (
                 columns == 1

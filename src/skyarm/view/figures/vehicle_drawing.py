@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -178,6 +179,7 @@ class Sheet:
             R, p = posed.poses[shape.body]
             return float(view.toward @ (p + R @ np.array(shape.position)))
 
+        # farther parts first, so that nearer ones cover them
         for i, shape in enumerate(sorted(vehicle_shapes(posed.vehicle), key=height)):
             corners = outline(shape, *posed.poses[shape.body], view)
             drawn = Polygon(
@@ -249,6 +251,7 @@ class Sheet:
         and the frame's name.
         """
         for letter, axis, color in zip("xyz", R.T, AXIS_COLORS, strict=True):
+            # an axis seen end on would be a dot with a letter
             if np.linalg.norm(self.view.flat(axis)) >= 0.25:
                 end = at + share * self.reach * axis
                 self.arrow(np.array([at, end]), color, 0.13)
@@ -309,14 +312,13 @@ def _mark_frames_and_axes(sheet: Sheet) -> None:
             *frame,
             TRIAD if name in ("base", vehicle.end_effector) else 0.6 * TRIAD,
         )
-    marked, length = set(), 0.8 * rotor_radius(vehicle) if vehicle.rotors else 0.0
+    marked = set()
+    length = 0.8 * rotor_radius(vehicle) if vehicle.rotors else 0.0
     for i, rotor in enumerate(vehicle.rotors):
         hub, axis = _rotor_bow(sheet, rotor)
         sheet.label(str(i + 1), hub)
-        tilt, upward = (
-            math.acos(min(1.0, abs(axis[2]))),
-            math.copysign(1.0, axis[2]) * axis,
-        )
+        tilt = math.acos(min(1.0, abs(axis[2])))
+        upward = math.copysign(1.0, axis[2]) * axis
         if tilt > 0.01 and round(tilt, 3) not in marked:
             marked.add(round(tilt, 3))
             about = np.cross(UP, upward)
@@ -346,6 +348,7 @@ def _mark_lengths_and_angles(sheet: Sheet) -> None:
                 text == words and math.dist(there, flat) < 0.02 * sheet.reach
                 for text, there in written
             )
+            # only lengths that the view does not shorten are written into it
             seen = norm(sheet.view.flat(rod)) >= 0.97 * length > 0.05 * sheet.reach
             if not seen or labelled:
                 continue
@@ -394,9 +397,8 @@ def _write_labels(figure: Picture, sheets: Sequence[Sheet]) -> None:
     each other.
     """
     figure.canvas.draw()
-    ink = (
-        1.0 - np.asarray(figure.canvas.buffer_rgba())[::-1, :, :3].mean(axis=2) / 255.0
-    )  # type: ignore[attr-defined]
+    canvas: Any = figure.canvas
+    ink = 1.0 - np.asarray(canvas.buffer_rgba())[::-1, :, :3].mean(axis=2) / 255.0
     for sheet in sheets:
         # the letters of axes first: they have the least room
         for text, at, color in sorted(
@@ -423,26 +425,23 @@ def _write_label(ax: Axes, text: str, at: Array, color: str, ink: Array) -> None
     )
     point, drawn = ax.transData.transform(at), label.get_window_extent()
     half = 0.5 * np.array([drawn.width, drawn.height])
+    # half a step off: no label lies exactly on an axis of the picture
     turns = 2.0 * math.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
     ways = np.stack([np.cos(turns), np.sin(turns)], axis=1)
     best = math.inf
     for distance in DISTANCES:
         for centre in point + ways * (distance * font + half):
-            low, high = (
-                np.floor(centre - half - 1.0).astype(int),
-                np.ceil(centre + half + 1.0).astype(int),
-            )
+            low = np.floor(centre - half - 1.0).astype(int)
+            high = np.ceil(centre + half + 1.0).astype(int)
             if (low < ax.bbox.min).any() or (high > ax.bbox.max).any():
                 continue
             cost = distance + HIDDEN * float(
                 ink[low[1] : high[1], low[0] : high[0]].mean()
             )
             if cost < best:
-                best, middle, taken = (
-                    cost,
-                    centre,
-                    (slice(low[1], high[1]), slice(low[0], high[0])),
-                )
+                best = cost
+                middle = centre
+                taken = (slice(low[1], high[1]), slice(low[0], high[0]))
     if best == math.inf:  # no room at all: it stays at its point
         return
     ink[taken] = COVERED

@@ -160,6 +160,7 @@ def _distance_for_sphere(radius: float, aspect: float) -> float:
     """Camera distance at which a sphere of given radius fits into the picture."""
     half = math.radians(0.5 * FIELD_OF_VIEW)
     across = math.atan(math.tan(half) * aspect)
+    # the narrower of the two angles of view decides
     return radius / math.sin(min(half, across))
 
 
@@ -188,6 +189,7 @@ def _low_pass(places: Array, seconds: Array) -> Array:
     step = float(seconds[1] - seconds[0]) if len(seconds) > 1 else 1.0
     keep = math.exp(-step / SMOOTH)
     smooth = places.copy()
+    # forward and backward, so that the camera does not lag
     for order in (range(1, len(smooth)), range(len(smooth) - 2, -1, -1)):
         before = smooth[0 if order.step > 0 else -1]
         for k in order:
@@ -210,9 +212,11 @@ def free_azimuth(flights: Flights) -> float:
     vehicles stand widest apart.
     """
     team = by_flight(flights)[0]
+    # nothing can hide the tip: the usual side
     if len(team) == 1 and not any(flight.scene.obstacles for flight in flights):
         return AZIMUTH
     places = np.array([flight.desired_position.mean(axis=0) for flight in team])
+    # hidden tips against width, both about 0 to 1
     places = places / max(float(norm(np.ptp(places, axis=0))), 1e-9)
     sides = SIDES if len(team) == 1 else SIDES + ACROSS
     hidden = [

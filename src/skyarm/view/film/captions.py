@@ -223,6 +223,7 @@ def error_words(error: float) -> str:
     millimetres = 1e3 * error
     if millimetres < 0.995:
         return f"{millimetres:.2f} mm"
+    # rounded already: 9.96 would be written as 10.0
     if millimetres < 9.95:
         return f"{millimetres:.1f} mm"
     return f"{millimetres:.0f} mm" if millimetres < 9999.5 else f"{error:.0f} m"
@@ -232,6 +233,7 @@ def _end_time(times: Array) -> float:
     """Time at which a film's last frame ends, s."""
     return (
         float(times[-1] + (times[-1] - times[0]) / max(len(times) - 1, 1))
+        # one frame has no length of its own
         if len(times) > 1
         else times[0] + 1.0
     )
@@ -289,5 +291,6 @@ def frame_layout(
 
 def _columns(width: int, count: int, gap: int) -> list[tuple[int, int]]:
     """List (left, width) in pixels of equal columns in a frame."""
+    # edges are rounded and not widths, so that the columns fill the frame
     edges = [round(i * (width + gap) / count) for i in range(count + 1)]
     return [(left, right - gap - left) for left, right in pairwise(edges)]

@@ -32,7 +32,7 @@ from skyarm.view.picture.marks import (
     vehicle_solids,
     wind_arrow,
 )
-from skyarm.view.picture.mujoco_sink import CameraPath, FramePanel, Stage, open_stage
+from skyarm.view.picture.mujoco_sink import CameraPath, FramePanel, Renderer, open_stage
 from skyarm.world.scene.vehicle_shapes import longest_boom
 
 OPTIONS = {
@@ -80,7 +80,7 @@ class EpisodePictures:
         # also where nobody closes it: before the interpreter ends, the context is given
         # back
         self._finalizer = weakref.finalize(self, self._open.close)
-        self._stage: Stage | None = None
+        self._stage: Renderer | None = None
 
     def begin(self, scenario: Scenario) -> None:
         """Start another episode, given its scenario with the sampled parameters."""
@@ -102,6 +102,7 @@ class EpisodePictures:
             )
             self._stage = self._open.enter_context(stage)
         self._stage.move([panel])
+        # overwritten by the next picture: the caller's must stay
         return self._stage.draw(0).copy()
 
     def close(self) -> None:
@@ -112,6 +113,7 @@ class EpisodePictures:
     def _panel(self, now: LoopState) -> FramePanel:
         settings, scenario = self._settings, self._scenario
         time = float(now.ticks) / scenario.rates.control
+        # the numbers of a diverged vehicle cannot be drawn, nor can NaN
         if all(abs(number) < FARTHEST for number in leaves(now.agent.state)):
             self._last = now.agent.state
         drawn = now.with_agent(replace(now.agent, state=self._last))

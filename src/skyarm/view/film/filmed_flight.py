@@ -94,7 +94,8 @@ def film_flights(
         raise ValueError(
             f"labels = {shown(names)}: must be as many as the flights, {len(logs)}"
         )
-    colors, flights = iter(COLORS), list[FilmedFlight]()
+    colors = iter(COLORS)
+    flights: list[FilmedFlight] = []
     for number, (log, name) in enumerate(zip(logs, names, strict=True)):
         team = [
             _resample(own, label, next(colors), times, number)
@@ -112,6 +113,7 @@ def _resample(
     now: dict[str, Any] = {
         field: read(log.time, getattr(log, name), times) for field, name in READ.items()
     }
+    # an angle that jumps by a turn would be interpolated through all between
     yaw = read(log.time, np.unwrap(log.yaw_reference)[:, None], times)[:, 0]
     push, whole = getattr(agent.reference, "push", None), log.status == "completed"
     error, contact = _error(log, push), applied_force(log)
@@ -186,6 +188,7 @@ def _scene(log: Log, components: Sequence[Component[Tree]], seen: Instants) -> S
 
     scene, flying = (
         scene_in_log(components, seen, at_frames),
+        # after the end of the flight nothing presses any more
         seen.times[:, None] < end_time(log),
     )
     arrows = (
@@ -208,6 +211,7 @@ def continuous(quaternion: Array) -> Array:
     """Flip signs of a quaternion series (N, 4) so that it is continuous, for
     interpolation.
     """
+    # q and -q are one attitude, and their mean is none
     same = np.einsum("ni,ni->n", quaternion[1:], quaternion[:-1]) >= 0.0
     sign = np.concatenate([[1.0], np.cumprod(np.where(same, 1.0, -1.0))])[
         : len(quaternion)

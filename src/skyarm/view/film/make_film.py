@@ -170,6 +170,7 @@ def _cameras(
     ):
         return [path(every, seconds, aspect)] * len(together)
     paths = [path(inside, seconds, aspect) for inside in together]
+    # a camera each, but one distance: sizes can be compared between panels
     distance = np.max([each.distance for each in paths], axis=0)
     return [replace(each, distance=distance) for each in paths]
 

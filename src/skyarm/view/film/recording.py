@@ -189,8 +189,7 @@ def _serialize(
         serializer.insert_sleep(1.0 / settings.fps)
         if progress is not None:
             progress(k + 1, len(times))
-    content = serializer.serialize()
-    return content
+    return serializer.serialize()
 
 
 class _RecordedFlight:
@@ -275,6 +274,8 @@ class _RecordedFlight:
             )
         if self._touches is not None:
             ends = touch_arrows(flight.scene.arrows, k, TOUCH_PER_NEWTON, LONGEST_TOUCH)
+            # millimetres: every digit of a force that trembles costs bytes in each
+            # frame
             self._touches.point(np.round(ends, COARSE))
         self._world.place(flight.scene.solids, k)
         self._lines.place(flight.scene.lines, k)
@@ -328,6 +329,7 @@ def _surroundings(
         section_color=GRID,
     )
     seconds = (times - times[0]) / settings.speed
+    # the player sets its camera once: to follow, all of the flight must be in view
     path = CAMERAS["fixed" if settings.camera == "follow" else settings.camera](
         flights, seconds, ASPECT
     )
@@ -336,10 +338,8 @@ def _surroundings(
         path.look_at[0]
         - (path.distance[0] + 0.5 * norm(shifts[-1] - shifts[0])) * along
     )
-    server.initial_camera.position, server.initial_camera.look_at = (
-        tuple(eye),
-        tuple(path.look_at[0]),
-    )
+    server.initial_camera.position = tuple(eye)
+    server.initial_camera.look_at = tuple(path.look_at[0])
     server.initial_camera.fov = np.radians(FIELD_OF_VIEW)
     server.initial_camera.up = (0.0, 0.0, 1.0)
 
@@ -368,7 +368,10 @@ def page_with(content: bytes) -> str:
     """
     text = base64.b64encode(content).decode("ascii")
     dark = 'matchMedia("(prefers-color-scheme: dark)").matches'
-    script = f'<script>window.__VISER_EMBED_DATA__="{text}";window.__VISER_EMBED_CONFIG__={{darkMode:{dark}}};</script>'
+    script = (
+        f'<script>window.__VISER_EMBED_DATA__="{text}";'
+        f"window.__VISER_EMBED_CONFIG__={{darkMode:{dark}}};</script>"
+    )
     player = (
         Path(str(import_viser().__file__)).parent / "client" / "build" / "index.html"
     ).read_text("utf-8")

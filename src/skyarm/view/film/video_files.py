@@ -46,6 +46,7 @@ def write_mp4(
     Raises:
         ValueError: the library for it is missing.
     """
+    # the writers have one signature: MP4 needs no number of frames
     del count
     av = import_av()
     # a file, not memory: the table of frames is moved to the front at the end, so that
@@ -59,6 +60,7 @@ def write_mp4(
                 "libx264", rate=fps, options={"crf": QUALITY, "preset": "veryfast"}
             )
             stream.width, stream.height = size
+            # 4:2:0, which browsers decode; it asks for even edges
             stream.pix_fmt = "yuv420p"
             for pixels in frames:
                 container.mux(

@@ -31,6 +31,7 @@ def _templates() -> Environment:
     return Environment(
         loader=loader,
         autoescape=True,
+        # a word that a template misses is an error and not an empty text
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -78,6 +79,7 @@ def page(
         parts: further parts of such a page: ``name`` of its file, ``lead`` and
             ``footer`` as text, ``opening`` as HTML.
     """
+    # the page runs no script but this one, whatever a text of the report holds
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
     named = [
         dict(zip(("name", "title", "content"), each, strict=True)) for each in sections

@@ -43,13 +43,9 @@ def number(quantity: float | None, factor: float = 1.0) -> str:
     if quantity is None:
         return DASH
     value = quantity * factor
-    return (
-        f"{value:.0f}"
-        if value >= 100.0
-        else f"{value:.1f}"
-        if value >= 10.0
-        else f"{value:.2f}"
-    )
+    if value >= 100.0:
+        return f"{value:.0f}"
+    return f"{value:.1f}" if value >= 10.0 else f"{value:.2f}"
 
 
 def markdown(head: Iterable[str], rows: Iterable[Row]) -> str:

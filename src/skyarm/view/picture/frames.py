@@ -108,6 +108,7 @@ def patch_about(tip: Array) -> float:
     """Half width (m) of the square drawn for an infinite plane, grown with the tip's
     displacement.
     """
+    # positions of a diverged flight may not be finite
     finite = tip[np.isfinite(tip).all(axis=1)]
     way = float(np.ptp(finite, axis=0).max()) if len(finite) else 0.0
     return PATCH + 0.5 * min(way, WIDEST)
@@ -225,6 +226,7 @@ def scenes_at(
 
     def draw(name: str, shared: bool) -> Scene:
         models, memories, motion = rows[name]
+        # a scene of what all share is drawn once, with the first vehicle
         every = (*models, *scenario.shared_components), (*memories, *now.components)
         return scene_now(
             *(every if shared else (models, memories)),

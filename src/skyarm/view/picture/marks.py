@@ -153,6 +153,7 @@ def touch_arrows(
         -1, 2, 3
     )
     spots, forces = pairs.swapaxes(0, 1)
+    # by at least the least visible force, so that none divides by zero
     scale = np.minimum(per_newton, longest / np.maximum(lengths(forces), LEAST_FORCE))
     return np.stack([spots, spots + scale[:, None] * forces], axis=1)
 
@@ -198,6 +199,7 @@ def marks_of(
     """
     still = desired_path(flights[0], THIN * scale)
     for flight in flights[1:]:
+        # a path at the same place would only darken the line
         if not np.allclose(flight.desired_tip, flights[0].desired_tip, atol=1e-6):
             still += desired_path(flight, THIN * scale)
 

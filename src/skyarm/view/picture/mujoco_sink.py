@@ -40,14 +40,17 @@ WORLD = f"""
   </visual>
   <statistic extent="1" center="0 0 0"/>
   <asset>
-    <texture name="sky" type="skybox" builtin="gradient" rgb1="0.82 0.88 0.95" rgb2="0.965 0.972 0.98"
-      width="128" height="128"/>
-    <texture name="grid" type="2d" builtin="flat" mark="edge" rgb1="0.945 0.95 0.96" rgb2="0.945 0.95 0.96"
+    <texture name="sky" type="skybox" builtin="gradient"
+      rgb1="0.82 0.88 0.95" rgb2="0.965 0.972 0.98" width="128" height="128"/>
+    <texture name="grid" type="2d" builtin="flat" mark="edge"
+      rgb1="0.945 0.95 0.96" rgb2="0.945 0.95 0.96"
       markrgb="0.80 0.82 0.845" width="256" height="256"/>
-    <material name="ground" texture="grid" texuniform="true" texrepeat="2 2" specular="0"/>
+    <material name="ground" texture="grid" texuniform="true" texrepeat="2 2"
+      specular="0"/>
   </asset>
   <worldbody>
-    <light type="directional" pos="-7.5 -6 30" dir="7.5 6 -30" diffuse="0.5 0.5 0.5" specular="0.2 0.2 0.2"/>
+    <light type="directional" pos="-7.5 -6 30" dir="7.5 6 -30"
+      diffuse="0.5 0.5 0.5" specular="0.2 0.2 0.2"/>
     <geom type="plane" size="60 60 1" material="ground"/>
   </worldbody>
 </mujoco>"""
@@ -104,7 +107,7 @@ class FramePanel:
     ground: float = 0.0
 
 
-class Stage:
+class Renderer:
     """Offscreen renderer of a film's 3D panels, frame by frame."""
 
     def __init__(
@@ -143,6 +146,7 @@ class Stage:
         mujoco.mjr_readPixels(
             self._pixels, None, mujoco.MjrRect(0, 0, *self._size), self._context
         )
+        # OpenGL counts rows from the bottom
         return self._pixels[::-1]
 
     def move(self, panels: Sequence[FramePanel]) -> None:
@@ -185,6 +189,7 @@ class Stage:
             if (key := mesh_key(solid.shape)) in self._meshes:
                 geom.type, geom.dataid = (
                     mujoco.mjtGeom.mjGEOM_MESH.value,
+                    # every second number is a mesh, the others are their convex hulls
                     2 * self._meshes[key],
                 )
         return scene, ground
@@ -196,10 +201,8 @@ class Stage:
         turn = np.zeros(9)
         mujoco.mju_quat2Mat(turn, self._model.mesh_quat[mesh])
         R = np.array(geom.mat).reshape(3, 3)
-        geom.pos, geom.mat = (
-            geom.pos + R @ self._model.mesh_pos[mesh],
-            R @ turn.reshape(3, 3),
-        )
+        geom.pos = geom.pos + R @ self._model.mesh_pos[mesh]
+        geom.mat = R @ turn.reshape(3, 3)
 
     def _place(
         self, panel: FramePanel, scene: mujoco.MjvScene, ground: int, k: int
@@ -251,14 +254,14 @@ class Stage:
 @contextmanager
 def open_stage(
     panels: Sequence[FramePanel], width: int, height: int, *, fine: bool = False
-) -> Iterator[Stage]:
+) -> Iterator[Renderer]:
     """Context manager that opens a renderer of ``width`` by ``height`` pixels.
 
     Raises:
         NoDisplayError: one line: nothing can be drawn on this machine.
     """
     with offscreen() as current:
-        stage = Stage(panels, width, height, fine=fine, current=current)
+        stage = Renderer(panels, width, height, fine=fine, current=current)
         try:
             yield stage
         finally:
@@ -269,11 +272,9 @@ def _camera(path: CameraPath, k: int) -> mujoco.MjvCamera:
     camera = mujoco.MjvCamera()
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
     camera.lookat = path.look_at[k]
-    camera.distance, camera.azimuth, camera.elevation = (
-        path.distance[k],
-        path.azimuth[k],
-        path.elevation[k],
-    )
+    camera.distance = path.distance[k]
+    camera.azimuth = path.azimuth[k]
+    camera.elevation = path.elevation[k]
     return camera
 
 
@@ -320,7 +321,9 @@ def _model(
     spec.lights[0].castshadow = fine
     for i, (vertices, faces) in enumerate(meshes.values()):
         mesh = spec.add_mesh(
-            name=str(i), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+            # a shell: volume is undefined for a mesh that is not closed
+            name=str(i),
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
         )
         mesh.uservert, mesh.userface = vertices.ravel(), faces.ravel()
     return spec.compile(), {path: i for i, path in enumerate(meshes)}

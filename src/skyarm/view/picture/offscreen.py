@@ -108,10 +108,9 @@ def _library() -> ctypes.CDLL:
         raise NoDisplayError(
             f"{LIBRARY}: is missing, which draws without a screen; {NEEDS}"
         ) from None
-    egl.eglGetProcAddress.restype, egl.eglGetProcAddress.argtypes = (
-        _Pointer,
-        [ctypes.c_char_p],
-    )
+    # pointers are 64 bits wide: undeclared, C functions are taken to return 32
+    egl.eglGetProcAddress.restype = _Pointer
+    egl.eglGetProcAddress.argtypes = [ctypes.c_char_p]
     egl.eglInitialize.argtypes = [_Pointer] * 3
     egl.eglChooseConfig.argtypes = [
         _Pointer,
@@ -120,10 +119,8 @@ def _library() -> ctypes.CDLL:
         ctypes.c_int,
         _Pointer,
     ]
-    egl.eglCreateContext.restype, egl.eglCreateContext.argtypes = (
-        _Pointer,
-        [_Pointer] * 4,
-    )
+    egl.eglCreateContext.restype = _Pointer
+    egl.eglCreateContext.argtypes = [_Pointer] * 4
     egl.eglMakeCurrent.argtypes = [_Pointer] * 4
     egl.eglDestroyContext.argtypes = [_Pointer] * 2
     return egl
@@ -140,6 +137,7 @@ def _display(egl: ctypes.CDLL) -> tuple[int, int]:
             _Pointer,
             _Pointer,
         )(PLATFORM_DEVICE, device, None)
+        # a device without a driver for OpenGL must not hide a later one that has it
         if not display or not egl.eglInitialize(display, None, None):
             continue
         config, count = (_Pointer * 1)(), ctypes.c_int()

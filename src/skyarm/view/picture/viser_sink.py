@@ -68,12 +68,11 @@ class MovingNode:
         """Set position (3,) in m and rotation (3, 3) relative to the parent node; NaN
         has no effect.
         """
+        # NaN hides nothing in a browser: the last place stays
         if not (np.isfinite(position).all() and np.isfinite(rotation).all()):
             return
-        place, turn = (
-            np.round(position, DIGITS),
-            np.round(quaternions_of(rotation[None])[0], DIGITS),
-        )
+        place = np.round(position, DIGITS)
+        turn = np.round(quaternions_of(rotation[None])[0], DIGITS)
         if (place != self._place).any():
             self.node.position = self._place = place
         if (turn != self._turn).any():
@@ -179,10 +178,8 @@ class VehicleNodes:
         wires: float = 0.0,
     ) -> None:
         # every body hangs on the base: what stands still against it need not be sent
-        self._base, self._visible = (
-            MovingNode(scene.add_frame(name, show_axes=False)),
-            True,
-        )
+        self._base = MovingNode(scene.add_frame(name, show_axes=False))
+        self._visible = True
         scene.add_frame(f"{name}/{BASE}", show_axes=False)
         frames = [
             scene.add_frame(f"{name}/{body}", show_axes=False)
@@ -279,6 +276,7 @@ class SolidNodes:
             self._nodes.pop(name)[0].node.remove()
         for solid in solids:
             shape, name = solid.shape, solid.shape.name
+            # a solid whose size changes is made anew, as a node gets poses only
             if name not in self._nodes or self._nodes[name][1] != shape.size:
                 upright = replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT)
                 node = add_shape(

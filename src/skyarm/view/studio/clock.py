@@ -58,6 +58,7 @@ class Clock(ABC):
             return
         self._due += min(seconds, LONGEST_STRETCH) * self.speed * self.rate
         ticks = int(self._due)
+        # the rest of a period is kept, so that no speed drifts by rounding
         self._due -= ticks
         self.go(self.tick + ticks)
 

@@ -6,6 +6,7 @@ import itertools
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 import numpy as np
@@ -61,6 +62,7 @@ def on_user_input(handle: Any, work: Callable[[Any], None]) -> None:
     """
 
     async def used(event: Any) -> None:
+        # events of the program itself have no client: they would move the flight back
         if event.client_id is not None:
             work(event.target.value)
 
@@ -111,10 +113,7 @@ class KnobPanel:
                     slider = gui.add_slider(
                         knob.label, knob.low, knob.high, knob.step, first, hint=hint
                     )
-                    on_user_input(
-                        slider,
-                        lambda value, knob=knob: moved(knob.path, knob.clip(value)),
-                    )  # type: ignore[misc]
+                    on_user_input(slider, partial(_move_knob, moved, knob))
                     self._sliders.append((knob, slider))
 
     def show(self, values: Mapping[str, float]) -> None:
@@ -128,6 +127,12 @@ class KnobPanel:
         """Remove the sliders from the page."""
         for folder in self._folders:
             folder.remove()
+
+
+def _move_knob(
+    moved: Callable[[str, float], None], knob: AdjustableNumber, value: object
+) -> None:
+    moved(knob.path, knob.clip(value))
 
 
 SECONDS = 10.0
@@ -167,27 +172,27 @@ class Timed(Protocol):
         """Flight time (s) of the instant."""
 
 
-Seen = TypeVar("Seen", bound=Timed)
+Sample = TypeVar("Sample", bound=Timed)
 
-Seen_co = TypeVar("Seen_co", bound=Timed, covariant=True)
+Sample_co = TypeVar("Sample_co", bound=Timed, covariant=True)
 
-Column = Callable[[Seen], float]
+Column = Callable[[Sample], float]
 """Function from an instant, such as a
 :class:`~skyarm.view.studio.sights.PlottedInstant`, to a number."""
 
 
-class Plotted(Protocol[Seen_co]):
+class Plotted(Protocol[Sample_co]):
     """Interface of a flight whose latest instants are plotted live."""
 
     @property
     def title(self) -> str:
         """Name of the flight."""
 
-    def recent(self, seconds: float) -> Sequence[Seen_co]:
+    def recent(self, seconds: float) -> Sequence[Sample_co]:
         """Data of the flight's last seconds."""
 
 
-class Chart(Generic[Seen]):
+class Chart(Generic[Sample]):
     """Live plot of one or several quantities over the last seconds, with a curve per
     flight.
 
@@ -202,15 +207,13 @@ class Chart(Generic[Seen]):
         self,
         gui: GuiApi,
         title: str,
-        flights: Sequence[Plotted[Seen]],
-        columns: Mapping[str, Column[Seen]],
+        flights: Sequence[Plotted[Sample]],
+        columns: Mapping[str, Column[Sample]],
         limit: float | None = None,
     ) -> None:
-        self._flights, self._columns, self._limit = (
-            list(flights),
-            list(columns.values()),
-            limit,
-        )
+        self._flights = list(flights)
+        self._columns = list(columns.values())
+        self._limit = limit
         self._turns = itertools.cycle((0.0, 1.0))
         series: list[Series] = [{"label": "time (s)"}]
         for i, (flight, color) in enumerate(zip(flights, COLORS, strict=False)):
@@ -264,6 +267,8 @@ class Chart(Generic[Seen]):
         curves = []
         for seen in rows:
             for column in self._columns:
+                # a curve ends where its flight was lost: the rest of the axis stays
+                # empty
                 curve = np.full(len(times), math.nan)
                 curve[: len(seen)] = np.round([column(one) for one in seen], DECIMALS)
                 curves.append(curve)

@@ -62,6 +62,7 @@ def adjustable(plain: Scenario) -> Scenario:
     agents = {
         name: _adjustable(each, plain.kind) for name, each in plain.agents.items()
     }
+    # a force of a single vehicle states no agent, as in its scenario file
     names = plain.agents if len(agents) > 1 else ("",)
     return with_words(
         plain,
@@ -132,6 +133,7 @@ class Fleet(Clock):
             longest = max(plain.duration, LONGEST)
             longer = load_scenario(source, duration=longest)
             pairs = zip(plain.agents.values(), longer.agents.values(), strict=True)
+            # a longer duration must leave reference and path as they are
             if all(
                 (a.reference, a.path_time) == (b.reference, b.path_time)
                 for a, b in pairs
@@ -222,6 +224,7 @@ class Fleet(Clock):
         for flight in self.flights if place is None else [self.flights[place]]:
             if flight.session.running:
                 flight.move(values)
+        # the later part of the plan is another one: changes begin a new branch
         self.furthest = self.tick
 
     def push(
@@ -280,6 +283,7 @@ class Fleet(Clock):
         for flight in self.flights:
             # a file of gains is named by its path
             name = f"{self.scenario.name}_{Path(flight.title).stem}"
+            # names of files that exist are skipped: nothing is overwritten
             ends = itertools.chain([""], (f"_{k}" for k in itertools.count(1)))
             pairs = (
                 (folder / f"{name}{end}{LOG}", folder / f"{name}{end}{SCENARIO}")
@@ -501,11 +505,9 @@ class FlownAgent:
     """
 
     def __init__(self, flight: Flight, name: str) -> None:
-        self.flight, self.first, self._of = (
-            flight,
-            flight.first.of(name),
-            prefix_of(flight.first, name),
-        )
+        self.flight = flight
+        self.first = flight.first.of(name)
+        self._of = prefix_of(flight.first, name)
         self.title = f"{flight.title}, {name}" if self._of else flight.title
         self.sights: list[PlottedInstant] = []
         self._knobs = [

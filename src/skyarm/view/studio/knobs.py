@@ -84,7 +84,10 @@ class AdjustableNumber:
         least = (self.high - self.low) / 200.0
         power = 10.0 ** math.floor(math.log10(least))
         return next(
-            power * k for k in (1.0, 2.0, 5.0, 10.0) if power * k >= 0.999 * least
+            # a little less, so that rounding does not take the next step up
+            power * k
+            for k in (1.0, 2.0, 5.0, 10.0)
+            if power * k >= 0.999 * least
         )
 
     def clip(self, value: object) -> float:
@@ -277,6 +280,8 @@ def _span(group: str, value: float, unit: Unit) -> tuple[float, float]:
     low, high = value - reach, value + reach
     if group in ("law", "sensors"):
         usual = 1.0 if group == "law" else SIGMAS.get(unit.unit, 1.0)
+        # to both sides of zero for gains and errors that are zero, up to four times
+        # others
         low, high = (
             (min(0.0, 4.0 * value), max(0.0, 4.0 * value)) if value else (0.0, usual)
         )

@@ -145,7 +145,8 @@ class Page(PageLoop):
         self._moves: dict[int | None, dict[str, float]] = {}
         self.fleet, self.agent = fleet, next(iter(fleet.scenario.agents))
         self._making = 0
-        self._turn, self._due = 0, list[int]()
+        self._turn = 0
+        self._due = list[int]()
         self._picture: FleetPicture = FleetPicture(server)
         own = self.fleet.scenario.law_names
         self._controls = Controls(server.gui, self, [law or own for law in laws])
@@ -230,7 +231,8 @@ class Page(PageLoop):
 
     def _handle_inputs(self) -> None:
         super()._handle_inputs()
-        moves, self._moves = self._moves, {}
+        moves = self._moves
+        self._moves = {}
         if moves:
             self._picture.hurry()
         for place, values in moves.items():
@@ -287,7 +289,8 @@ class Page(PageLoop):
             panel.remove()
         for chart in self._charts:
             chart.remove()
-        self._panels, vehicles = [], self._vehicles
+        self._panels = []
+        vehicles = self._vehicles
         with self._controls.plots:
             self._charts = charts(self._server.gui, vehicles)
         for each in vehicles[:1]:

@@ -65,6 +65,7 @@ class PageLoop(ABC):
                     if now - slow >= 1.0 / HERTZ:
                         slow = now
                         self._draw_slowly()
+                # what passed unwatched is not made up for when a tab opens
                 last = now
                 self._stopped.wait(
                     max(0.0, (FRAME if watched else IDLE) - (time.perf_counter() - now))

@@ -111,18 +111,14 @@ class AgentNodes:
         end, placed = f"{number + 1}{suffix}", poses_of(vehicle, state)
         self._vehicle, self._lost, self._first = vehicle, False, number == 0
         self._above = np.array([0.0, 0.0, 0.16 + 0.08 * number])
-        self._paint, points, wires = (
-            tones_of(COLORS[number]),
-            first.attached,
-            SHELL * number,
-        )
+        self._paint = tones_of(COLORS[number])
+        points = first.attached
+        wires = SHELL * number
         self.vehicle = VehicleNodes(
             scene, f"{STAGE}/law{end}", vehicle, self._paint, points=points, wires=wires
         )
-        colors, at = (
-            [THRUST] * len(vehicle.rotors) + [WIND, PUSHED],
-            np.tile(placed.positions[0], (2, 1)),
-        )
+        colors = [THRUST] * len(vehicle.rotors) + [WIND, PUSHED]
+        at = np.tile(placed.positions[0], (2, 1))
         self._forces = Arrows(scene, f"{STAGE}/arrows{end}", colors, SHAFT, at)
         still = np.tile(placed.tip, (1, 2, 1)).astype(np.float32)
         self._trail = scene.add_line_segments(
@@ -221,12 +217,12 @@ def force_arrows(
     """Start and end points (m) of arrows for thrusts, air velocity and external force,
     (rotors + 2, 2, 3).
     """
-    R, p, ends = placed.rotations[0], placed.positions[0], []
+    R = placed.rotations[0]
+    p = placed.positions[0]
+    ends = []
     for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
-        hub, axis = (
-            p + R @ np.array(floats(rotor.position)),
-            np.array(floats(rotor.axis)),
-        )
+        hub = p + R @ np.array(floats(rotor.position))
+        axis = np.array(floats(rotor.axis))
         turn = turns.get(disc_name(rotor.name), np.eye(3)[None])[0]
         ends.append(
             (

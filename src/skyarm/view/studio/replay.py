@@ -98,12 +98,10 @@ class PredictionReplay(Clock):
         warning: str = "",
     ) -> None:
         super().__init__()
-        self.title, self.vehicle, self.predict, self.warning = (
-            title,
-            vehicle,
-            predict,
-            warning,
-        )
+        self.title = title
+        self.vehicle = vehicle
+        self.predict = predict
+        self.warning = warning
         start, end = float(measured.time[0]), float(measured.time[-1])
         # the last one may lie a rounding error behind the end
         self._times = np.minimum(
@@ -130,6 +128,7 @@ class PredictionReplay(Clock):
         self.errors = np.stack(distance_between(self.model, self.measured))
         self.held_errors = np.stack(distance_between(constant, self.measured))
         before = np.searchsorted(predicted.begins, self._times, "right") - 1
+        # a picture before the first begin has index -1, which reads the NaN
         age = self._times - np.concatenate([predicted.begins, [np.nan]])[before]
         self.age: Array = np.where(np.isfinite(self.errors[0]), age, np.nan)
 

@@ -55,11 +55,9 @@ class ReplayPicture(StudioStage):
     def __init__(self, server: ViserServer, replay: PredictionReplay) -> None:
         super().__init__(server)
         self.follow = True
-        scene, vehicle, size = (
-            self._scene,
-            replay.vehicle,
-            longest_boom(replay.vehicle) / USUAL_BOOM,
-        )
+        scene = self._scene
+        vehicle = replay.vehicle
+        size = longest_boom(replay.vehicle) / USUAL_BOOM
         self._ghost = VehicleNodes(
             scene, f"{STAGE}/measured", vehicle, tones_of(GHOST, GHOST_OPACITY)
         )
@@ -67,10 +65,8 @@ class ReplayPicture(StudioStage):
             scene, f"{STAGE}/model", vehicle, tones_of(COLORS[0])
         )
         self._origin = replay.measured.position[0]
-        low, high = (
-            replay.measured.position.min(axis=0),
-            replay.measured.position.max(axis=0),
-        )
+        low = replay.measured.position.min(axis=0)
+        high = replay.measured.position.max(axis=0)
         # a viewer may leave out lines where the first ones are not seen: they span the
         # flight
         reached = np.array([[low, high]], dtype=np.float32)

@@ -49,12 +49,18 @@ STYLE = """<style>
 @media (max-width: 36em) {
   /* viser lays its controls over the lower 60 % of a phone's picture, 266 px wide */
   #root div:has(> div > div > [data-dock-root]) { flex-direction: column }
-  #root div:has(> div > [data-dock-root]) { height: auto !important; min-height: 0; width: 100% }
+  #root div:has(> div > [data-dock-root]) {
+    height: auto !important; min-height: 0; width: 100%
+  }
   #root div:has(> div > [data-dock-root]) ~ .mantine-Paper-root {
-    position: relative !important; width: 100% !important; max-height: 58% !important; flex-shrink: 0;
+    position: relative !important; width: 100% !important;
+    max-height: 58% !important; flex-shrink: 0;
     .mantine-ScrollArea-content > div { width: 100% !important }
   }
-  #root :is(.mantine-Button-root, .mantine-ActionIcon-root, .mantine-Input-input, .mantine-Tabs-tab) {
+  #root :is(
+    .mantine-Button-root, .mantine-ActionIcon-root,
+    .mantine-Input-input, .mantine-Tabs-tab
+  ) {
     min-height: 40px !important; min-width: 40px !important;
   }
   #root .mantine-Slider-root { padding-block: 14px !important }
@@ -86,6 +92,7 @@ def require_viser() -> None:
         StudioError: names the extra.
     """
     try:
+        # imported for its failure alone: without the extra the page cannot be made
         import viser  # noqa: F401
     except ImportError as error:
         raise StudioError(f"studio: {needs_extra('studio')} ({error})") from None
@@ -210,7 +217,10 @@ def _serving(
                 return connection.respond(
                     http.HTTPStatus.FORBIDDEN, f"403: {refusal}\n"
                 )
+            # raises UnicodeEncodeError, a ValueError, for a key that websockets would
+            # choke on
             request.headers.get("Sec-WebSocket-Key", "").encode("ascii")
+            # a compressed body could not be given the page's script and style
             if "Accept-Encoding" in request.headers:
                 del request.headers["Accept-Encoding"]
             response: Response | None = page(connection, request)
@@ -299,6 +309,7 @@ class Sieve:
         """
         handle = self._inputs["server"].gui._gui_input_handle_from_uuid[uuid]
         current, props = handle._impl.value, handle._impl.props
+        # booleans and texts have no limits, but menus have options
         if isinstance(current, (bool, str)):
             options = getattr(props, "options", None)
             if (
@@ -396,7 +407,10 @@ class AccessGuard:
         given = parse_qs(urlsplit(path).query).get("token", [])
         given = [*given, *_cookie(headers.get("Cookie", ""), self.cookie)]
         return any(
-            hmac.compare_digest(each.encode(), self.token.encode()) for each in given
+            # in constant time, so that answers do not tell how much of a guess was
+            # right
+            hmac.compare_digest(each.encode(), self.token.encode())
+            for each in given
         )
 
     def remember(self) -> str:

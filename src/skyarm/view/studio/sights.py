@@ -92,10 +92,8 @@ def _sight(
     """
     vehicle, state, outside = agent.vehicle, motion.state, wind_at(around, motion)
     placed = poses_of(vehicle, state)
-    upward, away = (
-        float(placed.rotations[0, 2, 2]),
-        placed.tip - goal_of(agent, time).tip,
-    )
+    upward = float(placed.rotations[0, 2, 2])
+    away = placed.tip - goal_of(agent, time).tip
     push = getattr(agent.reference, "push", None)
     if push is not None:
         away = push.across(away, time, placed.tip)
@@ -105,6 +103,7 @@ def _sight(
         tip=placed.tip,
         error=norm(away),
         tilt=(
+            # a lost vehicle's attitude may be no number: it counts as upside down
             math.acos(min(1.0, max(-1.0, upward))) if math.isfinite(upward) else math.pi
         ),
         efforts=_efforts(vehicle, command.efforts),

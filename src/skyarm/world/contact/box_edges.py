@@ -85,6 +85,7 @@ def pairs_with_edges(
     for by, carrier in enumerate(carriers):
         for of, surface in surfaces:
             again = of != NOBODY and carriers[of].has_edges and of >= by
+            # two movable boxes meet twice, once as each other's surface
             if carrier.has_edges and surface.shape == "box" and of != by and not again:
                 yield of, surface, by
 
@@ -117,21 +118,22 @@ def edge_touches(a: PlacedBox, b: PlacedBox) -> Iterator[tuple[Vec3, Scalar, Vec
 
     All in world axes; the penetration is negative where the edges are apart.
     """
-    between, overlap, crossings = (
-        a.middle - b.middle,
-        face_overlap(a, b),
-        list[_Crossing](),
-    )
-    for i, j in product(range(3), range(3)):
+    between = a.middle - b.middle
+    overlap = face_overlap(a, b)
+    crossings = list[_Crossing]()
+    for i, j in product(range(3), repeat=2):
         u, v = a.rotation.column(i), b.rotation.column(j)
         across, cosine = u.cross(v), u.dot(v)
         square = across.dot(across) + _PARALLEL
         sine = sqrt(square)
+        # from b to a, whichever way the cross product points
         n = across * divide(where(across.dot(between) < 0.0, -1.0, 1.0), sine)
         ours, theirs = _facing(a, i, -n), _facing(b, j, n)
         for k, ((off, room_a), (to, room_b)) in enumerate(product(ours, theirs)):
             r = between + off - to
-            depth, ru, rv = -r.dot(n), r.dot(u), r.dot(v)
+            depth = -r.dot(n)
+            ru = r.dot(u)
+            rv = r.dot(v)
             # the farthest of both: what is between here and there, parts nothing
             if k == 0:
                 overlap = minimum(overlap, where(sine > SLANT, depth, overlap))
@@ -144,6 +146,7 @@ def edge_touches(a: PlacedBox, b: PlacedBox) -> Iterator[tuple[Vec3, Scalar, Vec
                 * sine
             )
             for room in (room_a, room_b):
+                # only the far edge of a face is bounded by the tilt of the face
                 inside = inside if room is None else minimum(inside, room)
             # of edges nearly parallel it is far away, where a turning body is swift
             on_a, on_b = (

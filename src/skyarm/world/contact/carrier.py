@@ -194,6 +194,7 @@ class Carrier(Generic[Memory]):
         By one iteration of the implicit midpoint rule, which is of second order.
         """
         slope = self.slope(memory, force_W, torque_W, gravity)
+        # gyroscopic moments depend on the velocity that the push itself changes
         middle = self.kick(memory, slope, 0.5 * dt)
         return self.kick(memory, self.slope(middle, force_W, torque_W, gravity), dt)
 
@@ -245,6 +246,7 @@ def untouched_after(
         b = slope(moved_by(memory, a, 0.5 * dt))
         c = slope(moved_by(memory, b, 0.5 * dt))
         d = slope(moved_by(memory, c, dt))
+        # Kutta's method: nothing touches the body, so its motion is smooth
         for rate, part in ((a, dt / 6.0), (b, dt / 3.0), (c, dt / 3.0), (d, dt / 6.0)):
             memory = moved_by(memory, rate, part)
     return memory
@@ -255,6 +257,6 @@ NOBODY = -1
 the vehicle."""
 
 
-def both(a: Scalar, b: Scalar) -> Scalar:
+def reduced_mass(a: Scalar, b: Scalar) -> Scalar:
     """Reduced mass (kg) of two bodies in contact: 1 / (1 / a + 1 / b)."""
     return divide(1.0, divide(1.0, a) + divide(1.0, b))

@@ -28,6 +28,7 @@ class ClosedContact(Contact):
         """Internal state in static equilibrium; the first forces of constraints are
         those of springs.
         """
+        # not super(): a dataclass with slots is another class than the one made here
         memory = Contact.settle(self, memory, motion, vehicle)
         pulls = (pull for _, _, pull, _ in self.gripping.pulls(memory, motion, 0.0))
         return replace(
@@ -47,6 +48,7 @@ class ClosedContact(Contact):
         objects = [each.name for each in self.objects]
         for name, vehicle in vehicles.items():
             if vehicle.followers:
+                # a file of one vehicle has no table agents
                 of = (
                     f"agents.{name}.plant.vehicle"
                     if len(vehicles) > 1
@@ -58,7 +60,8 @@ class ClosedContact(Contact):
                 )
                 raise RecordError(f"{of} = {shown(vehicle.name)}: {words}")
         for i, grasp in enumerate(self.grasps):
-            at, words = f"world.grasps[{i}]", ""
+            at = f"world.grasps[{i}]"
+            words = ""
             if grasp.kind == "cable":
                 words = "kind = 'cable': must be 'ball' or 'fixed'"
             elif grasp.body not in objects:

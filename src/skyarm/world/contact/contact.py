@@ -150,25 +150,25 @@ class Contact(ContactSteps):
         The tip of a vehicle that holds a body by a grasp is none: it is where the body
         is.
         """
+        # an empty name is that of the only vehicle
         holding = [each.agent or next(iter(vehicles)) for each in self.grasps]
         tips = {
             name: each.end_effector
             for name, each in vehicles.items()
             if name not in holding and each.end_effector
         }
+        # stated points take the place of the tips
         if self.points or not tips:
             return self
-        if len(vehicles) == 1:
-            return replace(
-                self,
-                points=tuple(
-                    ContactPoint(name=TIP, frame=frame) for frame in tips.values()
-                ),
-            )
-        points = [
-            ContactPoint(name=f"{name}_{TIP}", frame=frame, agent=name)
-            for name, frame in tips.items()
-        ]
+        # of one vehicle the short name, as logs and files of one vehicle have it
+        points = (
+            [ContactPoint(name=TIP, frame=frame) for frame in tips.values()]
+            if len(vehicles) == 1
+            else [
+                ContactPoint(name=f"{name}_{TIP}", frame=frame, agent=name)
+                for name, frame in tips.items()
+            ]
+        )
         return replace(self, points=tuple(points))
 
     def of_agent(self, name: str) -> Contact:
@@ -188,11 +188,8 @@ class Contact(ContactSteps):
         """Bodies of a vehicle (BASE or index of a link) that bear contact points,
         grippers or grasps.
         """
-        frames = (
-            (each.frame or None for each in self.grippers),
-            (each.frame or None for each in self.grasps),
-        )
-        links = {vehicle.frame(name).link for names in frames for name in names}
+        holders: tuple[Gripper | Grasp, ...] = (*self.grippers, *self.grasps)
+        links = {vehicle.frame(each.frame or None).link for each in holders}
         return links | {point.place(vehicle)[1] for point in self.points}
 
     def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
@@ -264,6 +261,7 @@ class Contact(ContactSteps):
         Raises:
             RecordError: one line.
         """
+        # neither period nor draws enter the initial state of a contact
         memory = self.start(0.0, ())
         for i, (grasp, _, pull, frame) in enumerate(
             self.gripping.pulls(memory, motion, 0.0)
@@ -303,8 +301,6 @@ class Contact(ContactSteps):
         draws: Sequence[Scalar],
     ) -> ContactMemory:
         """Internal state of the contact model at the start of a control period."""
-        if not memory.clock and not memory.carried:
-            return memory
         carried = tuple(
             each.advance(body)
             for each, body in zip(self.carriers, memory.carried, strict=True)
@@ -329,14 +325,13 @@ class Contact(ContactSteps):
             strict=True,
         )
         for i, (carrier, body, held) in enumerate(rows):
-            origin, force, torque = carrier.frame(body).position, ZERO3, ZERO3
+            origin = carrier.frame(body).position
+            force = torque = ZERO3
             for each in meetings:
                 if i in (each.of, each.by):
                     push = each.touch.force if each.by == i else -each.touch.force
-                    force, torque = (
-                        force + push,
-                        torque + (each.place - origin).cross(push),
-                    )
+                    force = force + push
+                    torque = torque + (each.place - origin).cross(push)
             loads.append((force + held[0], torque + held[1]))
         return loads
 
@@ -440,9 +435,11 @@ class Contact(ContactSteps):
         rotor_speeds: Sequence[Scalar],
     ) -> Sequence[Wrench]:
         """Forces and torques of all contacts and grasps on the vehicle's bodies."""
-        touches, pushes = self.on_points(memory, motion), []
+        touches = self.on_points(memory, motion)
+        pushes = []
         for i in range(len(self.points)):
             force = torque = ZERO3
+            # pairs are ordered by surface: every point comes once with each surface
             for each in touches[i :: len(self.points)]:
                 force, torque = force + each.force, torque + each.torque
             pushes.append((force, torque))
@@ -467,6 +464,7 @@ class Contact(ContactSteps):
             for i, each in enumerate(self.objects)
             if each.standing
         }
+        # points of all vehicles are of NOBODY here: of several no one's weight is known
         if vehicle and len(motion.agents) == 1:
             weights[NOBODY] = motion.vehicle.mass * motion.gravity
         if not weights:
@@ -507,9 +505,9 @@ class Contact(ContactSteps):
             for point in self.points
         ]
         columns = [
-            Column(f"contact_{array}", label, *words)
+            Column(f"contact_{array}", label, unit, meaning)
             for label in labels
-            for array, *words in LOGGED
+            for array, unit, meaning in LOGGED
         ]
         columns += [column for carrier in self.carriers for column in carrier.columns]
         return (*columns, *self.gripping.columns)
@@ -556,6 +554,7 @@ class Contact(ContactSteps):
             return tuple(tilted)
         what, bound = min(self.steps, key=lambda each: float(each[1]))
         least = float(bound)
+        # steps near those of the vehicle cost little more time
         if not MUCH_SHORTER * least < step:
             return tilted
         return (
@@ -577,6 +576,7 @@ def _vehicle_of(agent: str, vehicles: Mapping[str, Vehicle], where: str) -> Vehi
     """
     if agent in vehicles:
         return vehicles[agent]
+    # one vehicle needs no name; under an empty name any vehicle is meant
     if (not agent and len(vehicles) == 1) or "" in vehicles:
         return next(iter(vehicles.values()))
     if not agent:

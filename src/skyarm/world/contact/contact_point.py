@@ -18,7 +18,7 @@ from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle import BASE, Vehicle
 from skyarm.world.component import Wrench
-from skyarm.world.contact.material import LIGHTEST, Material
+from skyarm.world.contact.material import Material
 
 BASE_NAME = "base"
 
@@ -117,6 +117,7 @@ class ContactPoint:
         """
         if self.frame:
             frame = vehicle.frame(self.frame)
+            # a product with a float 0.0 would stay in the program
             if concrete(*self.position) and not any(self.position):
                 return frame.position, frame.link
             return frame.position + frame.rotation.apply(self.position), frame.link
@@ -182,9 +183,9 @@ def touch_of(
     slip: Vec3,
     deflection: Vec3,
     step: Scalar,
-    mass: Scalar = LIGHTEST,
+    mass: Scalar,
     *,
-    mean: Scalar | None = None,
+    mean: Scalar | None,
 ) -> Touch:
     """Contact state of one point at one surface, from penetration, slip velocity and
     bristle deflection.
@@ -199,7 +200,7 @@ def touch_of(
         step: longest integration step of the whole contact, s.
         mass: mass (kg) that the pair moves at least.
         mean: time (s) in which a point makes the way that the depth is a mean over; the
-            material's longest step of a contact with a vehicle if left out.
+            material's longest step of a contact with a vehicle if None.
     """
     # a round surface's normal turns
     bristle, along = _across(deflection, axis), _across(slip, axis)
@@ -266,14 +267,10 @@ def _moving_points(points: Sequence[ContactPoint], motion: PointMotion) -> list[
     for point, (at, body) in zip(points, places, strict=True):
         ball = not absent(point.radius)
         if body in shared:
-            lever, turning = (
-                axes[body].apply(at),
-                motion.to_world(motion.angular_velocity(body), body),
-            )
-            position, velocity = (
-                motion.position(ZERO3, body),
-                motion.velocity(ZERO3, body),
-            )
+            lever = axes[body].apply(at)
+            turning = motion.to_world(motion.angular_velocity(body), body)
+            position = motion.position(ZERO3, body)
+            velocity = motion.velocity(ZERO3, body)
             rows.append(
                 (
                     position + lever,
@@ -315,13 +312,12 @@ def _wrenches_on(
     of its contact points.
     """
     places, shared = _places(points, motion)
-    axes, whole, single = (
-        {body: _axes(motion, body) for body in shared},
-        dict[int, Wrench](),
-        list[Wrench](),
-    )
+    axes = {body: _axes(motion, body) for body in shared}
+    whole = dict[int, Wrench]()
+    single = list[Wrench]()
     for (at, body), (force, torque) in zip(places, pushes, strict=True):
         if body in shared:
+            # points of one body share one transformation of their wrench
             sum_of = whole.get(body, Wrench(body=body, agent=agent))
             moment = sum_of.torque_W + torque + axes[body].apply(at).cross(force)
             whole[body] = Wrench(

@@ -58,20 +58,24 @@ def contact_scene(
     points: Sequence[ContactPoint],
     objects: Sequence[FreeObject],
     mechanisms: Sequence[Mechanism],
-    grasps: Sequence[Grasp] = (),
+    grasps: Sequence[Grasp],
 ) -> Scene:
     """Drawn shapes and force arrows of the contact model at some instants of a
     flight.
     """
     carriers: tuple[AnyCarrier, ...] = (*objects, *mechanisms)
-    poses, ground = _carrier_poses(objects, mechanisms, seen), ground_of(surfaces)
+    poses = _carrier_poses(objects, mechanisms, seen)
+    ground = ground_of(surfaces)
     solids = [_surface_solid(each, seen) for each in surfaces if each is not ground]
     carried = [
         (surface, *poses[i])
         for i, each in enumerate(carriers)
         for surface in each.surfaces
     ]
-    solids += [_carrier_solid(*each) for each in carried]
+    solids += [
+        _carrier_solid(surface, rotation, position)
+        for surface, rotation, position in carried
+    ]
     own = [each for each in points if each.agent in ("", seen.name) or not seen.name]
     frames = {each.name: poses[i] for i, each in enumerate(carriers)}
     drawn = [
@@ -129,7 +133,8 @@ def _carrier_poses(
     """Rotations (N, 3, 3) and positions (N, 3) of free objects and mechanisms at N
     instants, by index.
     """
-    poses, count = Poses(), len(seen.times)
+    poses = Poses()
+    count = len(seen.times)
     for i in range(len(objects)):
         quaternion = seen.numbers["object_quaternion"][:, 4 * i : 4 * i + 4]
         poses[i] = (
@@ -150,12 +155,12 @@ def _surface_solid(surface: Surface, seen: Instants) -> Solid:
     the vehicle.
     """
     count = len(seen.times)
-    rotation, place = (
-        matrices(surface.rotation, count),
-        vectors(surface.place(seen.times)[0], count),
-    )
+    rotation = matrices(surface.rotation, count)
+    place = vectors(surface.place(seen.times)[0], count)
     if surface.shape == "plane" and count:
-        normal, away = rotation[0, :, 2], seen.around - place[0]
+        normal = rotation[0, :, 2]
+        away = seen.around - place[0]
+        # a plane has no middle: the patch follows the flight along the plane
         place = place + (away - normal * (normal @ away))
     return Solid(
         surface_shape(surface, seen.patch),
@@ -191,18 +196,19 @@ def _grasp_scene(
         position: (N, 3) m of the body.
         seen: the instants, with the logged pulls of all grasps.
     """
-    holder, label = seen.of(grasp.agent), f"grasp/{grasp.label}"
+    holder = seen.of(grasp.agent)
+    label = f"grasp/{grasp.label}"
     at = holder.vehicle.frame(grasp.frame or None)
-    end, place = (
-        holder.place(at.position, at.link),
-        position + rotation @ np.array(floats(grasp.place)),
-    )
+    end = holder.place(at.position, at.link)
+    place = position + rotation @ np.array(floats(grasp.place))
     mark = Shape(label, "point", "sphere", BASE, (MARK * longest_boom(holder.vehicle),))
     force = -seen.numbers["grasp_pull"][:, 3 * i : 3 * i + 3]
     lines: tuple[Line, ...] = ()
     if grasp.kind == "cable":
         share = np.linspace(0.0, 1.0, PIECES + 1)[:, None]
         slack = float(grasp.length) ** 2 - ((end - place) ** 2).sum(axis=1)
+        # a parabola of sag f over a span d has a length l with l^2 - d^2 = 16 f^2 / 3,
+        # to second order
         sag = (
             np.sqrt(3.0 * np.maximum(slack, 0.0))[:, None, None]
             * share
@@ -232,6 +238,7 @@ def _point_shapes(points: Iterable[ContactPoint], vehicle: Vehicle) -> Iterator[
     least = POINT * longest_boom(vehicle)
     for point in points:
         radius = float(point.radius)
+        # the vehicle's own shapes mark its tip already
         if radius == 0.0 and point.frame and point.frame == vehicle.end_effector:
             continue
         at, body = point.place(vehicle)
@@ -266,6 +273,7 @@ def _touch_arrows(
         own = seen.of(point.agent)
         at, body = point.place(own.vehicle)
         middle = own.place(at, body)
+        # without force the normal is not needed, and an arrow of length zero is drawn
         if not np.any(force > 0.0):
             yield Arrow(name, middle, np.zeros_like(middle))
             continue

@@ -13,7 +13,7 @@ from skyarm.algebra.scalars import clip, exp, logical_and, maximum, minimum, sqr
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.leaves import leaves
-from skyarm.world.contact.carrier import AnyCarrier, both, untouched_after
+from skyarm.world.contact.carrier import AnyCarrier, reduced_mass, untouched_after
 from skyarm.world.contact.contact_memory import ContactMemory
 from skyarm.world.contact.grasp import Grasp
 from skyarm.world.contact.gripper import Gripper
@@ -64,6 +64,7 @@ class ContactSteps(TouchingBodies):
         each with a describing text.
         """
         carriers = self.carriers
+        # without points the vehicle touches nothing, so only movable bodies count
         touched = self.surfaces if self.points or not carriers else ()
         own = [
             (f"the material of surface {each.name!r}", each.material.largest_step)
@@ -134,17 +135,20 @@ class ContactSteps(TouchingBodies):
         (s).
         """
         if not concrete(*leaves(self)):
-            return  # of a batch: its lanes are looked at one by one
+            # numbers of a batch are symbols: its lanes are checked one by one
+            return
         allowed = (
             f"must leave them {least:g} s or more, a thousandth of the control period"
         )
         try:
             steps = [(what, float(step)) for what, step in self.steps]
-        except ArithmeticError:  # of numbers beyond measure
+        except ArithmeticError:
+            # numbers beyond measure overflow in the quotients
             raise RecordError(
                 f"world: has no integration steps in contact: {allowed}"
             ) from None
         for what, step in steps:
+            # written so that NaN is refused, too
             if not step >= least:
                 raise RecordError(
                     f"world: {what} asks for integration steps of {step:.2g} s in"
@@ -164,7 +168,12 @@ class ContactSteps(TouchingBodies):
         if self.grasps:
             return False
         return self._apart(
-            [grip.taken < 0.5 for grip in memory.grips], memory, motion, seconds
+            # a held body moves with the vehicle by a stiff spring, which needs its
+            # steps
+            [grip.taken < 0.5 for grip in memory.grips],
+            memory,
+            motion,
+            seconds,
         )
 
     def calm(
@@ -220,6 +229,7 @@ class ContactSteps(TouchingBodies):
             )
         asked = sqrt(fastest) * (self.hit_steps / HIT)
         finer = clip(
+            # grown again slowly: a sudden change of the step itself changes the energy
             maximum(asked, memory.finer[0] * exp(-seconds / REGROWTH)),
             1.0,
             float(self.hit_steps),
@@ -266,17 +276,24 @@ def steps_of_carriers(
             for j, each in enumerate(carriers)
             if j != i and each.spot_count
         ]
-        what, share = f"the mass of {carrier.name!r}", carrier.step_share
+        what = f"the mass of {carrier.name!r}"
+        share = carrier.step_share
         for surface in carrier.surfaces:
             if points:
-                yield what, share * surface.material.step_of(both(masses[i], LIGHTEST))
+                # two bodies swing at their contact as their reduced mass does
+                yield (
+                    what,
+                    share * surface.material.step_of(reduced_mass(masses[i], LIGHTEST)),
+                )
             for mass, other in others:
                 yield (
                     what,
-                    min(share, other) * surface.material.step_of(both(masses[i], mass)),
+                    min(share, other)
+                    * surface.material.step_of(reduced_mass(masses[i], mass)),
                 )
         if carrier.spot_count:
             for surface in surfaces:
+                # a surface of the world does not yield: the body's mass alone counts
                 yield what, share * surface.material.step_of(masses[i])
 
 

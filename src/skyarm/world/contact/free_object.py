@@ -161,7 +161,8 @@ class FreeObject(Carrier[ObjectMotion]):
         moments = tuple(self.inertia)
         if not concrete(*moments):
             return
-        largest, said = max(moments), shown([float(each) for each in moments])
+        largest = max(moments)
+        said = shown([float(each) for each in moments])
         if all(each == 0.0 for each in moments):
             object.__setattr__(self, "inertia", ZERO3)
         elif min(moments) == 0.0:
@@ -170,6 +171,7 @@ class FreeObject(Carrier[ObjectMotion]):
                 " density"
             )
         elif 2.0 * largest > sum(moments) * (1.0 + 1e-9):
+            # a flat body has equality, up to rounding
             raise RecordError(
                 f"object.inertia = {said}: no moment may be larger than the sum of the"
                 " other two"
@@ -200,7 +202,8 @@ class FreeObject(Carrier[ObjectMotion]):
         """Refuse a place (m, its axes) farther from the surface of the body than the
         body is large.
         """
-        far, most = sqrt(place.dot(place)), 3.0 * self.surfaces[0].farthest
+        far = sqrt(place.dot(place))
+        most = 3.0 * self.surfaces[0].farthest
         if concrete(far, most) and far > most:
             words = (
                 f"lies {far:.3g} m from the middle of {shown(self.name)}, must be"
@@ -219,6 +222,7 @@ class FreeObject(Carrier[ObjectMotion]):
         """Largest inverse effective mass (1/kg) of the free object in a grasp that also
         fixes the attitude.
         """
+        # the smallest radius of gyration bounds any direction of the lever
         lever = self.surfaces[0].farthest + sqrt(self.com.dot(self.com) + 1e-24) + reach
         return (2.0 + lever * lever / self.gyration) / self.mass
 
@@ -228,7 +232,8 @@ class FreeObject(Carrier[ObjectMotion]):
 
         Source: Gershgorin 1931.
         """
-        r, J = place - self.com, self.moments
+        r = place - self.com
+        J = self.moments
         diagonal = (
             divide(r.z * r.z, J.y) + divide(r.y * r.y, J.z),
             divide(r.z * r.z, J.x) + divide(r.x * r.x, J.z),
@@ -274,15 +279,17 @@ class FreeObject(Carrier[ObjectMotion]):
         """Initial state of the free object, from its initial pose and velocities."""
         attitude = Quaternion(1.0, 0.0, 0.0, 0.0)
         for axis, angle in zip((E_X, E_Y, E_Z), self.angles, strict=True):
+            # fixed axes: later rotations stand on the left
             attitude = Quaternion.of_rotation_vector(axis * data(angle)) * attitude
         R = attitude.rotation()
-        start = ObjectMotion(
-            position=self.position + R.apply(self.com),
-            attitude=attitude,
-            velocity=self.velocity,
-            rate=R.apply_T(self.angular_velocity),
+        return as_data(
+            ObjectMotion(
+                position=self.position + R.apply(self.com),
+                attitude=attitude,
+                velocity=self.velocity,
+                rate=R.apply_T(self.angular_velocity),
+            )
         )
-        return as_data(start)
 
     def advance(self, memory: ObjectMotion) -> ObjectMotion:
         """State of the object with the quaternion normalised."""
@@ -305,7 +312,11 @@ class FreeObject(Carrier[ObjectMotion]):
         self, memory: ObjectMotion, force_W: Vec3, torque_W: Vec3, gravity: Scalar
     ) -> ObjectMotion:
         """Time derivative of the state by Newton's and Euler's equations."""
-        R, w, moments = memory.attitude.rotation(), memory.rate, self.moments
+        R = memory.attitude.rotation()
+        w = memory.rate
+        moments = self.moments
+        # the torque is given about the middle, Euler's equations are about the centre
+        # of mass
         torque = R.apply_T(torque_W - R.apply(self.com).cross(force_W)) - w.cross(
             w.hadamard(moments)
         )
@@ -324,10 +335,8 @@ class FreeObject(Carrier[ObjectMotion]):
         """State of the free object after an acceleration for ``dt`` (s): only
         velocities change.
         """
-        velocity, rate = (
-            memory.velocity + slope.velocity * dt,
-            memory.rate + slope.rate * dt,
-        )
+        velocity = memory.velocity + slope.velocity * dt
+        rate = memory.rate + slope.rate * dt
         return replace(memory, velocity=velocity, rate=rate)
 
     def drift(self, memory: ObjectMotion, dt: Scalar) -> ObjectMotion:
@@ -358,13 +367,15 @@ class FreeObject(Carrier[ObjectMotion]):
             halves = [frame.rotation.column(i) * (0.5 * self.size[i]) for i in range(3)]
             return tuple(
                 (frame.position + halves[0] * a + halves[1] * b + halves[2] * c, 0)
-                for a, b, c in product((-1, 1), (-1, 1), (-1, 1))
+                for a, b, c in product((-1, 1), repeat=3)
             )
-        axis, normal = frame.rotation.column(2), toward(frame.position)
+        axis = frame.rotation.column(2)
+        normal = toward(frame.position)
         # across the axis also by rounding, which a small tilt would enlarge
         way = axis.cross(axis.cross(normal)) + frame.rotation.column(0) * _LEVEL
         down = way * divide(self.size[0], sqrt(way.dot(way) + _LEVEL**3))
-        across, half = axis.cross(down), axis * (0.5 * self.size[1])
+        across = axis.cross(down)
+        half = axis * (0.5 * self.size[1])
         return tuple(
             (frame.position + half * end + down * cosine + across * sine, 0)
             for end in (-1, 1)
@@ -426,8 +437,11 @@ def largest_mobility(
     if shape == "sphere":
         return 1.0 / mass + _reach(size[0], com) / least
     if shape == "cylinder":
-        radius, half = size[0], 0.5 * size[1]
-        halves, stands = (radius, radius, half), 1.5 * radius * radius
+        radius = size[0]
+        half = 0.5 * size[1]
+        halves = (radius, radius, half)
+        # three points at 120 degrees: each axis has half of 3 r^2
+        stands = 1.5 * radius * radius
         faces = [
             _face(3, stands, stands, com.x, com.y, mass, moments.x, moments.y),
             _face(2, 2.0 * half * half, 0, com.z, com.x, mass, moments.z, moments.x),
@@ -495,6 +509,7 @@ def _face(
     with_a = mul(_size(off_b), count / sqrt(mass * moment_a))
     with_b = mul(_size(off_a), count / sqrt(mass * moment_b))
     both = mul(mul(_size(off_a), _size(off_b)), count / sqrt(moment_a * moment_b))
+    # row sums bound the largest eigenvalue (Gershgorin)
     rows = (
         add(add(sink, with_a), with_b),
         add(add(about_a, with_a), both),

@@ -156,6 +156,7 @@ class Grasp:
         """
         tip = 1.0 / LIGHTEST * (2.0 if self.kind == "fixed" else 1.0)
         square, decay = self.stiffness * tip, self.damping * tip
+        # one body between several springs swings by the sum of their stiffnesses
         for each in together:
             mobility = carrier.mobility_of(each.place)
             # over the patch, on the body's smallest moment of inertia
@@ -164,10 +165,8 @@ class Grasp:
                     divide(carrier.gyration, carrier.mobility_of(ZERO3)), TINY
                 )
                 mobility = mobility + divide(each.radius * each.radius, inertia)
-            square, decay = (
-                square + each.stiffness * mobility,
-                decay + each.damping * mobility,
-            )
+            square = square + each.stiffness * mobility
+            decay = decay + each.damping * mobility
         return minimum(
             NORMAL_STEP / sqrt(square), longest_step(square, decay, euler=euler)
         )
@@ -226,6 +225,7 @@ class Grasp:
         """
         at = body.position + body.rotation.apply(self.place if place is None else place)
         by = constraint or self._spring(turn, frame, body, at)
+        # a constant of infinity: the condition would be in every program for nothing
         opens = not (isinstance(self.release, float) and math.isinf(self.release))
         pull = Hold(force=by.force, torque=by.torque, place=at)
         if not opens and not self.closes:
@@ -267,4 +267,5 @@ class Grasp:
         tension = maximum(
             self.stiffness * stretch + self.damping * speed.dot(along), 0.0
         )
+        # damping alone must not pull a slack cable
         return along * where(stretch > 0.0, tension, 0.0)

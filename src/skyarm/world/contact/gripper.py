@@ -221,7 +221,8 @@ class Gripper:
             moved: mass (kg) that it moves at least at the end of its reach.
             euler: True for the semi-implicit Euler method.
         """
-        square, decay = self.stiffness / moved, self.damping(mass) / moved
+        square = self.stiffness / moved
+        decay = self.damping(mass) / moved
         return minimum(
             NORMAL_STEP * sqrt(mass / self.stiffness),
             longest_step(square, decay, euler=euler),
@@ -256,7 +257,8 @@ class Gripper:
         """
         level = self.socket_torque / (mass * EARTH)
         if self.kind == "ball" and level < half_width:
-            torque, off = float(self.socket_torque), 1e3 * float(level)
+            torque = float(self.socket_torque)
+            off = 1e3 * float(level)
             yield (
                 f"grippers.{self.name}.radius = {float(self.radius):g}: friction of"
                 f" this ball gives {torque:.2g} N m and holds {name!r} level up to"
@@ -289,7 +291,8 @@ class Gripper:
         place = body.position + body.rotation.apply(grip.place)
         spring = Spring(self.stiffness, self.damping(mass), frame, body)
         force = spring.force(place)
-        if self.kind == "hook":  # it carries, and does not press down
+        # it carries from below, and does not press down
+        if self.kind == "hook":
             force = Vec3(force.x, force.y, maximum(force.z, 0.0))
         torque, twist = ZERO3, None
         if self.holds_attitude and not absent(gyration):
@@ -313,11 +316,13 @@ class Gripper:
             if self.kind == "ball"
             else torque.dot(torque) > self.torque * self.torque
         )
+        # fingers hold in all directions, so the size of the force counts
         if self.kind not in ADHESIVE:
             return _any(force.dot(force) > self.force * self.force, twisted)
         normal = body.rotation.apply(grip.normal)
         pull = force.dot(normal)
         shear = force - normal * pull
+        # what the pull takes of the adhesive force presses no more
         left = self.friction * maximum(self.force - pull, 0.0)
         return logical_or(
             logical_or(pull > self.force, shear.dot(shear) > left * left), twisted
@@ -354,13 +359,12 @@ class Gripper:
             near = _any(near, distance <= self.reach)
         keeps = _both(holding, _both(closed, _both(_not(broken), _not(out))))
         free = _both(_both(closed, grip.ready > 0.5), _not(holding))
-        taken, place, normal, turn = (
-            where(keeps, grip.taken, 0.0),
-            grip.place,
-            grip.normal,
-            grip.turn,
-        )
+        taken = where(keeps, grip.taken, 0.0)
+        place = grip.place
+        normal = grip.normal
+        turn = grip.turn
         for i, (body, distance, outward, hold) in enumerate(bodies):
+            # the first body within reach, in the order of the file: a gripper holds one
             takes = _both(_both(free, distance <= self.reach), taken < 0.5)
             if self.kind == "hook":
                 rising = frame.velocity.z - body.velocity_at(frame.position).z
@@ -380,6 +384,7 @@ class Gripper:
                 )
                 turn = blend(is_taken(grip.taken, i + 1.0), as_data(slipped), turn)
             turn = blend(takes, as_data(now), turn)
+        # a hook has no command: it is ready again once no body is within its reach
         opened = _not(near) if self.kind == "hook" else _not(closed)
         used = _any(holding, taken > 0.5)
         return Grip(

@@ -57,10 +57,8 @@ class Spring:
         """Force (N) on the body that pulls one of its places (m, world axes) to the
         origin of the frame.
         """
-        stretch, speed = (
-            self.frame.position - place,
-            self.frame.velocity_at(place) - self.body.velocity_at(place),
-        )
+        stretch = self.frame.position - place
+        speed = self.frame.velocity_at(place) - self.body.velocity_at(place)
         return stretch * self.stiffness + speed * self.damping
 
     def error(self, turn: Mat3) -> Vec3:
@@ -71,8 +69,11 @@ class Spring:
             turn: rotation from the axes of the body to those of the frame that is to be
                 kept.
         """
-        aim, error = self.frame.rotation @ turn, ZERO3
+        aim = self.frame.rotation @ turn
+        error = ZERO3
         for i in range(3):
+            # half the sum of the cross products of the axes is the rotation axis times
+            # the sine
             error = error + self.body.rotation.column(i).cross(aim.column(i)) * 0.5
         return error
 

@@ -13,7 +13,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree, as_data, blend
 from skyarm.world.component import Column, Wrench, select
-from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame, both
+from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame, reduced_mass
 from skyarm.world.contact.contact_memory import ContactMemory
 from skyarm.world.contact.grasp import Grasp
 from skyarm.world.contact.gripper import Grip, Gripper, is_taken
@@ -39,11 +39,15 @@ class Holds:
         """
         for gripper in self.grippers:
             for carrier in self.carriers:
-                mobilities = carrier.mobility, carrier.mobility_at(gripper.reach)
-                masses = [both(LIGHTEST, 1.0 / each) for each in mobilities]
-                yield f"gripper {gripper.name!r}", gripper.step_of(*masses, euler=euler)
+                mass = reduced_mass(LIGHTEST, 1.0 / carrier.mobility)
+                moved = reduced_mass(LIGHTEST, 1.0 / carrier.mobility_at(gripper.reach))
+                yield (
+                    f"gripper {gripper.name!r}",
+                    gripper.step_of(mass, moved, euler=euler),
+                )
         bodies = {each.name: each for each in self.carriers}
         for grasp in self.grasps:
+            # a wrong name is refused elsewhere, with its own message
             if grasp.body in bodies:
                 together = [other for other in self.grasps if other.body == grasp.body]
                 yield (
@@ -74,7 +78,9 @@ class Holds:
         """Force and torque of each gripper on each movable body if it held that body,
         as [gripper][body].
         """
-        masses = [both(LIGHTEST, 1.0 / carrier.mobility) for carrier in self.carriers]
+        masses = [
+            reduced_mass(LIGHTEST, 1.0 / carrier.mobility) for carrier in self.carriers
+        ]
         every = list(zip(bodies, masses, self.carriers, strict=True))
         return [
             [
@@ -105,16 +111,16 @@ class Holds:
         """Each grasp with the number of its body, its pull on the body, and the
         vehicle's frame.
         """
-        turns, places, rows = iter(memory.turns), iter(memory.places), []
+        turns = iter(memory.turns)
+        places = iter(memory.places)
+        rows = []
         constraints = memory.constraints or (None,) * len(self.grasps)
         for (grasp, index, body), constraint in zip(
             self._bodies_of_grasps(memory), constraints, strict=True
         ):
             turn = next(turns) if grasp.kind == "fixed" else ()
-            place, frame = (
-                next(places) if grasp.closes else None,
-                grasp.frame_of(motion),
-            )
+            place = next(places) if grasp.closes else None
+            frame = grasp.frame_of(motion)
             rows.append(
                 (
                     grasp,
@@ -129,14 +135,11 @@ class Holds:
         self, memory: ContactMemory
     ) -> list[tuple[Grasp, int, CarriedFrame]]:
         """Each grasp with number and axes of its body."""
-        names, bodies = (
-            [each.name for each in self.carriers],
-            self.bodies(memory.carried),
-        )
+        names = [each.name for each in self.carriers]
+        bodies = self.bodies(memory.carried)
+        indices = [names.index(each.body) for each in self.grasps]
         return [
-            (each, i, bodies[i])
-            for each in self.grasps
-            for i in [names.index(each.body)]
+            (each, i, bodies[i]) for each, i in zip(self.grasps, indices, strict=True)
         ]
 
     def on_bodies(
@@ -145,7 +148,8 @@ class Holds:
         """Total force (N) and torque (N m, about the body's origin) of all holds on
         each movable body.
         """
-        bodies, loads = self.bodies(memory.carried), []
+        bodies = self.bodies(memory.carried)
+        loads = []
         gripped = self.actual(memory, self.frames(motion)) if self.grippers else []
         for i, body in enumerate(bodies):
             force = torque = ZERO3
@@ -206,6 +210,8 @@ class Holds:
         # a grasp closes by the flight's time, by which the plant pulls, however long a
         # reference waits
         now = t if motion.time is None else motion.time
+        # half a period before, so that at the instant of closing the place is still
+        # taken
         return self._close(memory, now - 0.5 * dt, motion) if memory.places else memory
 
     def _following(
@@ -214,7 +220,8 @@ class Holds:
         """States of all grippers for the next control period, after possible grasps,
         releases and slips.
         """
-        frames, bodies = self.frames(motion), self.bodies(memory.carried)
+        frames = self.frames(motion)
+        bodies = self.bodies(memory.carried)
         possible = self.possible(memory.grips, frames, bodies)
         for gripper, grip, frame, row in zip(
             self.grippers, memory.grips, frames, possible, strict=True
@@ -227,6 +234,7 @@ class Holds:
                 (body, *skin, hold)
                 for body, skin, hold in zip(bodies, skins, row, strict=True)
             )
+            # a gripper of a named vehicle follows that vehicle's reference
             now = motion.of(gripper.agent).task_time if gripper.agent else t
             yield gripper.after(grip, now, frame, seen)
 
@@ -250,7 +258,9 @@ class Holds:
         open at ``t`` (s).
         """
         turned = iter(zip(memory.turns, self.turns(memory, motion), strict=True))
-        closing, places, turns = iter(memory.places), list[Vec3](), list[Mat3]()
+        closing = iter(memory.places)
+        places = list[Vec3]()
+        turns = list[Mat3]()
         for each, _, body in self._bodies_of_grasps(memory):
             opened = t < each.close
             if each.kind == "fixed":

@@ -26,13 +26,16 @@ def require_start_outside(
     Raises:
         ValueError: one line: the point, the surface, the depth.
     """
-    motion, weight = PointMotion(vehicle, state), float(vehicle.mass) * gravity
+    motion = PointMotion(vehicle, state)
+    weight = float(vehicle.mass) * gravity
     weights = [float(getattr(each, "mass", 0.0)) * gravity for each in contact.carriers]
     for each in contact.meetings(contact.start(1.0, ()), motion):
         touching = weight if each.by == NOBODY else weights[each.by]
+        # the heavier of the two: a light body may lie on a heavy one, and the reverse
         borne = max(touching, 1e-9 if each.of == NOBODY else weights[each.of])
         if float(each.touch.normal) > MOST * max(borne, 1e-9):
-            ours, way = each.by == NOBODY, ""
+            ours = each.by == NOBODY
+            way = ""
             what = (
                 f"point {contact.points[each.index].name!r}"
                 if ours
@@ -62,6 +65,7 @@ def initial_clearance(
 
     Infinite where nothing can touch.
     """
+    # an empty name fits points of any agent
     contact = contact.on({"": vehicle})
     meetings = contact.meetings(contact.start(1.0, ()), PointMotion(vehicle, state))
     ours = (

@@ -150,6 +150,7 @@ class Material:
         """Longest stable integration step (s) of contact between this material and a
         mass (kg).
         """
+        # stiffness of friction mu f / z_s under the force at that penetration
         bristles = self.friction * self.stiffness * PRESSED / self.bristle_length
         fastest = maximum(
             sqrt(self.stiffness) / NORMAL_STEP, sqrt(bristles) / BRISTLE_STEP
@@ -175,6 +176,7 @@ class Material:
         mean = where(
             depth + depth > way, depth, divide(half * half, way + way + _STILL)
         )
+        # a fast retreat would pull: the clamp below keeps it at 0
         force = self.stiffness * mean * (1.0 + self.dissipation * depth_rate)
         return where(half > 0.0, maximum(force, 0.0), 0.0)
 
@@ -196,9 +198,11 @@ class Material:
         speed = sqrt(slip.dot(slip) + _STILL)
         gone = divide(1.0 - exp(speed * step * (-1.0 / self.bristle_length)), step)
         bending = slip * (divide(self.bristle_length, speed) * gone) - bristle * gone
-        touches, recovery = depth > 0.0, bristle * -RECOVERY
+        touches = depth > 0.0
+        recovery = bristle * -RECOVERY
         return Vec3(
             *(
+                # equal constants, as zeros along an axis, stay structure
                 a if same(a, z) else where(touches, a, z)
                 for a, z in zip(bending, recovery, strict=True)
             )
@@ -228,11 +232,13 @@ class Material:
                 its integration step does.
         """
         most = self.friction * normal_force
+        # by identity: contacts of the vehicle need neither root nor product
         largest = (
             BRISTLE_DAMPING
             if mass is LIGHTEST
             else BRISTLE_DAMPING * sqrt(mass / LIGHTEST)
         )
+        # a light touch has little friction, and so little damping of it
         damping = minimum(largest * normal_force, largest)
         friction = (
             bristle * (most * (1.0 / self.bristle_length)) + bristle_rate * damping

@@ -180,7 +180,8 @@ class Mechanism(Carrier[MechanismMotion]):
         """Refuse dimensions, axes and parts that are not allowed for a mechanism of
         this kind, such as a door.
         """
-        said, options = KINDS[self.kind], KINDS[self.kind].sizes
+        said = KINDS[self.kind]
+        options = KINDS[self.kind].sizes
         if len(self.size) not in [len(each) for each in options] and (
             self.size or options
         ):
@@ -283,6 +284,7 @@ class Mechanism(Carrier[MechanismMotion]):
         """
         if not self.turns:
             return self.mass
+        # an int of 0 was not stated: it is that of the uniform body
         if type(self.inertia) is int and self.solid is not None:
             return mul(self.mass, self.solid.gyration)
         return self.inertia
@@ -317,6 +319,7 @@ class Mechanism(Carrier[MechanismMotion]):
         """
         if not self.turns:
             return 1.0 / self.mass
+        # a lever of 0 would mean an infinite effective mass and steps of any length
         lever = maximum(0.0, 1e-3)
         for surface in self.surfaces:
             away = surface.position - self.along * self.along.dot(surface.position)
@@ -384,11 +387,10 @@ class Mechanism(Carrier[MechanismMotion]):
         """Time derivative of the mechanism's state under a contact force and torque, by
         its equation of motion.
         """
-        frame, rate = self.frame(memory), memory.rate
-        axis, weight = (
-            rotation_of(self.angles).apply(self.along),
-            Vec3(0, 0, neg(mul(self.mass, gravity))),
-        )
+        frame = self.frame(memory)
+        rate = memory.rate
+        axis = rotation_of(self.angles).apply(self.along)
+        weight = Vec3(0, 0, neg(mul(self.mass, gravity)))
         if self.turns:
             applied = axis.dot(
                 torque_W + frame.rotation.apply(self.centre).cross(weight)
@@ -506,9 +508,11 @@ def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Scalar, Scalar
         effort = effort - push(q - of.upper, rate)
     if not memory.bristle:
         return effort, ()
-    length, (z,) = bristle_of(of), memory.bristle
+    length = bristle_of(of)
+    (z,) = memory.bristle
     # one axis of a contact's bristle
     fastest = length / longest_step(of)
+    # a bristle that bends by more than its length in a step would overshoot
     followed = clip(rate, -fastest, fastest)
     bending = followed - z * absolute(followed) / length
     stiffness = of.friction / length
@@ -527,15 +531,14 @@ def longest_step(of: Mechanism, *, euler: bool = False) -> Scalar:
     stiffness, damping = of.stiffness, of.damping
     if type(of.friction) is not int:
         of_bristle = of.friction / bristle_of(of)
-        stiffness, damping = (
-            stiffness + of_bristle,
-            damping + sqrt(of_bristle * of.generalized_inertia),
-        )
+        stiffness = stiffness + of_bristle
+        damping = damping + sqrt(of_bristle * of.generalized_inertia)
     if of.detent is not None:
         stiffness = stiffness + STEEPEST * of.detent.force / of.detent.width
     fastest = maximum(
         sqrt(stiffness / of.generalized_inertia), of.damping / of.generalized_inertia
     )
+    # the shares of the limit of stability are those of a contact
     step = minimum(divide(BRISTLE_STEP, fastest), LONGEST)
     if euler:
         step = minimum(
@@ -558,6 +561,7 @@ def stop_of(of: Mechanism) -> Material:
     stiffness = of.stop_stiffness
     if type(stiffness) is int:
         stiffness = STOP_RATE * STOP_RATE * of.generalized_inertia
+        # of a light slide the inertia alone would make a stop that yields visibly
         stiffness = stiffness if of.turns else maximum(stiffness, STOP_LEAST)
     return Material(stiffness=stiffness, dissipation=of.stop_damping, friction=0.0)
 

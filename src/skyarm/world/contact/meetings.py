@@ -23,7 +23,7 @@ from skyarm.world.contact.box_edges import (
     edge_touches,
     pairs_with_edges,
 )
-from skyarm.world.contact.carrier import NOBODY, AnyCarrier, CarriedFrame, both
+from skyarm.world.contact.carrier import NOBODY, AnyCarrier, CarriedFrame, reduced_mass
 from skyarm.world.contact.contact_memory import ContactMemory
 from skyarm.world.contact.contact_point import (
     ContactPoint,
@@ -124,8 +124,10 @@ def meetings_of(
         for carrier, memory in zip(contact.carriers, memories, strict=True)
     ]
     masses = [1.0 / carrier.mobility for carrier in contact.carriers]
+    # where no pair may touch no force follows from it: any number will do
     longest = LONGEST if step is None else step
-    deflections, meetings = iter(bristles), list[Meeting]()
+    deflections = iter(bristles)
+    meetings = list[Meeting]()
 
     def meet(
         surface: Surface,
@@ -137,11 +139,12 @@ def meetings_of(
         normal: Vec3,
     ) -> None:
         frame = None if of == NOBODY else frames[of]
-        spot = normal * neg(at.radius)  # where it touches, seen from its middle
+        # where it touches, seen from its middle
+        spot = normal * neg(at.radius)
         place = at.position + spot
         under = surface.place(clock)[1] if frame is None else frame.velocity_at(place)
         slip = at.velocity + at.turning.cross(spot) - under
-        mass = at.mass if frame is None else both(masses[of], at.mass)
+        mass = at.mass if frame is None else reduced_mass(masses[of], at.mass)
         over = mean if of == by == NOBODY else longest
         own = touch_of(
             surface.material,
@@ -162,19 +165,15 @@ def meetings_of(
 
     def touch(surface: Surface, of: int, by: int, index: int, at: _Place) -> None:
         frame = None if of == NOBODY else frames[of]
-        meet(
-            surface,
-            of,
-            by,
-            index,
-            at,
-            *_depth(surface, frame, at.position, at.radius, clock),
-        )
+        depth, normal = _depth(surface, frame, at.position, at.radius, clock)
+        meet(surface, of, by, index, at, depth, normal)
 
     every = contact.every_surface
     points = [
-        _Place(*each, point.radius, LIGHTEST)
-        for point, each in zip(contact.points, moving, strict=True)
+        _Place(position, velocity, turning, point.radius, LIGHTEST)
+        for point, (position, velocity, turning) in zip(
+            contact.points, moving, strict=True
+        )
     ]
     for of, surface in every:
         for index, at in enumerate(points):
@@ -187,6 +186,7 @@ def meetings_of(
 
             def toward(
                 place: Vec3,
+                # bound as defaults, or the function would see the last turn of the loop
                 surface: Surface = surface,
                 under: CarriedFrame | None = under,
             ) -> Vec3:
@@ -199,10 +199,8 @@ def meetings_of(
                 )
                 touch(surface, of, by, index, at)
     for of, surface, by in pairs_with_edges(every, contact.carriers):
-        own, other = (
-            frames[by],
-            box_of(surface, None if of == NOBODY else frames[of], clock),
-        )
+        own = frames[by]
+        other = box_of(surface, None if of == NOBODY else frames[of], clock)
         for place, depth, normal in edge_touches(
             box_of(contact.carriers[by].surfaces[0], own, clock), other
         ):
@@ -215,6 +213,7 @@ def misses(touch: Touch, seconds: Scalar) -> Scalar:
     """True if a point is too far from a surface to reach it within ``seconds``, even
     under a large acceleration.
     """
+    # the way that the largest acceleration makes in this time
     margin = maximum(NEAR, 0.5 * SWIFT * seconds * seconds)
     far: Scalar = touch.depth + sqrt(touch.slip.dot(touch.slip)) * seconds < -margin
     return far
@@ -276,7 +275,8 @@ class TouchingBodies(Force[ContactMemory]):
     def meetings(self, memory: ContactMemory, motion: PointMotion) -> list[Meeting]:
         """Contact state of every contact pair for the vehicle's current motion."""
         step = self.largest_step if motion.step is None else motion.step
-        moving, clock = moving_points(self.points, motion), (*memory.clock, 0.0)[0]
+        moving = moving_points(self.points, motion)
+        clock = (*memory.clock, 0.0)[0]
         return meetings_of(
             self, memory.carried, moving, clock, memory.bristles, step, motion.step
         )

@@ -37,20 +37,20 @@ def standing_bristles(
         pressed: Scalar = 0.0
         for each in meetings:
             if each.by == by:
-                force, pressed = (
-                    force + each.touch.axis * each.touch.normal,
-                    pressed + each.touch.normal,
-                )
+                force = force + each.touch.axis * each.touch.normal
+                pressed = pressed + each.touch.normal
         across = E_Z * weight - force
         for i, each in enumerate(meetings):
             if each.by == by:
                 material = materials[each.surface]
+                # a bristle lies in its surface: what is along the normal it cannot bear
                 borne = across - each.touch.axis * across.dot(each.touch.axis)
                 deflection = borne * -divide(
                     material.bristle_length,
                     maximum(material.friction * pressed, _NOTHING),
                 )
                 size = sqrt(deflection.dot(deflection) + _NOTHING * _NOTHING)
+                # no longer than its length, or it would spring back at the first step
                 share = minimum(divide(material.bristle_length, size), 1.0)
                 bent[i] = Vec3(*(c * share for c in deflection))
     return tuple(bent)

@@ -97,15 +97,19 @@ def _settle(
     Of what nothing holds, as a ball that may roll, nothing changes. Source: Kelley,
     Keyes 1998, Convergence analysis of pseudo-transient continuation.
     """
-    start, left, depth = x, residual(x), _depth(pushes(x))
+    start = x
+    left = residual(x)
+    depth = _depth(pushes(x))
     near, pace = NEAR * depth, PACE * depth
-    with np.errstate(all="ignore"):  # of numbers beyond measure
+    # numbers beyond measure overflow: they end as no equilibrium
+    with np.errstate(all="ignore"):
         for _ in range(ROUNDS):
             slopes = np.stack(
                 [(residual(x + step) - left) / near for step in near * np.eye(len(x))],
                 axis=1,
             )
             size = np.abs(left).max()
+            # NaN gives no direction, and far away is another equilibrium
             if not np.isfinite(slopes).all() or np.abs(x - start).max() > OTHER:
                 break
             there = x + np.linalg.solve(DAMPED / pace - slopes, left)
@@ -137,7 +141,8 @@ def stand_vehicle(
     Raises:
         ValueError: one line: nothing carries it there, or it tips over.
     """
-    memory, weight = contact.start(1.0, ()), float(vehicle.mass) * gravity
+    memory = contact.start(1.0, ())
+    weight = float(vehicle.mass) * gravity
 
     def at(x: Array) -> State:
         """State raised by a height (m) and rotated about the level x and y axes
@@ -168,6 +173,7 @@ def stand_vehicle(
         up_left, moment = balance([(arm, push) for _, arm, push in pushes(x)], weight)
         return np.array([up_left, float(moment.x), float(moment.y)]) / weight
 
+    # written so that NaN is refused, too
     if not weight > 0.0:
         raise ValueError(
             "initial.standing = true: must be false where plant.gravity leaves no"
@@ -183,7 +189,8 @@ def stand_vehicle(
         """Lower the vehicle from a pose until the surfaces carry its weight."""
         above = x
         while residual(x)[0] < 0.0:
-            above, x = x, x - STEP * UP
+            above = x
+            x = x - STEP * UP
             if x[0] < -LOWEST:
                 raise ValueError(
                     "initial.standing = true: must be above a surface;"
@@ -194,6 +201,7 @@ def stand_vehicle(
     x = set_down(np.array([ABOVE, 0.0, 0.0]))
     equilibrium = _settle(residual, pushes, x)
     if equilibrium is None:  # on a slope a level vehicle stands on its upper feet alone
+        # on a slope a level vehicle stands on its upper feet alone
         x = set_down(np.array([ABOVE, *_slope(pushes(x), [UPRIGHT])]))
         equilibrium = _settle(residual, pushes, x)
     if equilibrium is None:
@@ -269,15 +277,18 @@ def _tipping(pushes: Sequence[Push]) -> str:
             if float(meeting.touch.depth) > 0.0
         ]
     )
-    along, aside = arms @ (down / np.linalg.norm(down)), arms @ np.cross(normal, down)
+    along = arms @ (down / np.linalg.norm(down))
+    aside = arms @ np.cross(normal, down)
     spots = [*zip(along, aside, strict=True)]
-    ways = [
-        (a * d - c * b) / (d - b) for a, b in spots for c, d in spots if b <= 0.0 < d
-    ]
-    height, slope = -np.mean(arms @ normal), math.acos(normal[2])
+    right = [(a, b) for a, b in spots if b <= 0.0]
+    left = [(c, d) for c, d in spots if d > 0.0]
+    ways = [(a * d - c * b) / (d - b) for a, b in right for c, d in left]
+    height = -np.mean(arms @ normal)
+    slope = math.acos(normal[2])
     least, most = (math.atan2(end(ways, default=0.0), height) for end in (min, max))
     has = f"the slope has {math.degrees(slope):.4g}"
-    if most - least < ROLLS or least > slope:  # on an edge or a line, or up the slope
+    # on an edge or a line, or up the slope
+    if most - least < ROLLS or least > slope:
         return f" as it lies; {has} degrees (level ground, or another attitude)"
     cure = "less slope, or more stiffness" if most > slope else "less slope"
     return (
@@ -319,12 +330,10 @@ def balance(pushes: Sequence[tuple[Vec3, Vec3]], weight: float) -> tuple[float, 
     force, moment, middle, sizes = ZERO3, ZERO3, ZERO3, 0.0
     for arm, push in pushes:
         size = float(push.dot(push)) ** 0.5
-        force, moment, middle, sizes = (
-            force + push,
-            moment + arm.cross(push),
-            middle + arm * size,
-            sizes + size,
-        )
+        force = force + push
+        moment = moment + arm.cross(push)
+        middle = middle + arm * size
+        sizes = sizes + size
     # below 0: out of the lower side of a plate
     total = math.copysign(float(force.dot(force)) ** 0.5, float(force.z))
     if total == 0.0:
@@ -356,6 +365,7 @@ def with_standing_objects(contact: Contact, gravity: float) -> Contact:
     """
     waiting = sorted(
         (i for i, each in enumerate(contact.objects) if each.standing),
+        # the lowest first: what carries others must stand before them
         key=lambda i: float(contact.objects[i].position.z),
     )
     if waiting and not gravity > 0.0:
@@ -375,11 +385,9 @@ def _set_down(
     """Contact model with one object moved to static equilibrium on the surfaces below
     that object.
     """
-    body, supports, x = (
-        contact.objects[index],
-        _Supports(contact, index, gravity, away),
-        np.zeros(3),
-    )
+    body = contact.objects[index]
+    supports = _Supports(contact, index, gravity, away)
+    x = np.zeros(3)
     where = f"world.objects[{index}].standing = true"
     if (
         np.abs(supports.residual(x)).max() < 1e-9
@@ -401,11 +409,13 @@ def _set_down(
     x = _descend(body, supports, x, index)
     equilibrium = _settle(supports.residual, supports.pushes, x)
     if equilibrium is None:  # on a slope a level body stands on its upper edge alone
+        # on a slope a level body stands on its upper edge alone
         rotation = body.frame(body.start()).rotation
         x = np.array(
             [x[0], *_slope(supports.pushes(x), [rotation.column(i) for i in range(3)])]
         )
         while supports.gap(x) < 0.0:
+            # tilted by the slope a corner may dip below where it stood
             x = x + max(LIFT, -supports.gap(x)) * UP
         x = _descend(body, supports, x, index)
         equilibrium = _settle(supports.residual, supports.pushes, x)
@@ -440,7 +450,8 @@ def _descend(body: FreeObject, supports: _Supports, x: Array, index: int) -> Arr
                 f" presses object {body.name!r} through what it stands on"
             )
         carried = force
-        above, x = x, x - max(gap, FINEST, DEEPER * -gap) * UP
+        above = x
+        x = x - max(gap, FINEST, DEEPER * -gap) * UP
         if x[0] < -LOWEST:
             below = _nothing(f"object {body.name!r}", body.position)
             raise ValueError(
@@ -473,23 +484,23 @@ class _Supports:
     def __init__(
         self, contact: Contact, index: int, gravity: float, away: Collection[int]
     ) -> None:
-        self._contact, self._index, self._away = contact, index, frozenset(away)
-        self._all, self._first = (
-            _meetings_of(contact),
-            list(contact.start(1.0, ()).carried),
-        )
-        self.weight, self.gravity = (
-            float(contact.objects[index].mass) * gravity,
-            gravity,
-        )
-        self._pose, self._pushes = b"", list[Push]()
+        self._contact = contact
+        self._index = index
+        self._away = frozenset(away)
+        self._all = _meetings_of(contact)
+        self._first = list(contact.start(1.0, ()).carried)
+        self.weight = float(contact.objects[index].mass) * gravity
+        self.gravity = gravity
+        self._pose = b""
+        self._pushes = list[Push]()
 
     def _displace(self, x: Array) -> list[Any]:
         """States of all movable bodies, one of them raised (m) and tilted (rad) about
         its centre of mass.
         """
         up, about_x, about_y = x.tolist()
-        motions, body = list(self._first), self._first[self._index]
+        motions = list(self._first)
+        body = self._first[self._index]
         place = body.position + Vec3(0.0, 0.0, up)
         motions[self._index] = replace(
             body, position=place, attitude=_turn(about_x, about_y) * body.attitude
@@ -503,9 +514,11 @@ class _Supports:
         Those of the latest pose are kept, of which gap, force and residual are computed
         one after the other.
         """
+        # bytes compare as a whole, arrays entry by entry
         if x.tobytes() == self._pose:
             return self._pushes
-        i, moved = self._index, self._displace(x)
+        i = self._index
+        moved = self._displace(x)
         pairs = ((each, {each.of, each.by}) for each in self._all(moved))
         mine = [
             (each, 1 if each.by == i else -1)
@@ -573,7 +586,8 @@ def _meetings_of(contact: Contact) -> Callable[[Sequence[Tree]], list[Meeting]]:
     """Make a function that evaluates the contacts between objects and surfaces, without
     the vehicle.
     """
-    bodies, step = replace(contact, points=()), contact.largest_step
+    bodies = replace(contact, points=())
+    step = contact.largest_step
     memory = bodies.start(1.0, ())
     clock = (*memory.clock, 0.0)[0]
     return lambda motions: meetings_of(

@@ -63,8 +63,8 @@ also the axis of cylinder and hole."""
 
 
 _CENTRE = 1e-24
-"""Squared length (m^2) under a root: the normal in the middle of a sphere or on a
-cylinder's axis is zero instead of NaN."""
+"""Squared length (m^2) under a root: the normal in the middle of a sphere, on an axis
+or at a corner is zero instead of NaN."""
 
 
 Face = tuple[Scalar, Vec3]
@@ -185,7 +185,8 @@ class Surface:
         if self.shape == "sphere":
             away = sqrt(p.dot(p) + _CENTRE)
             return ((away - self.size[0], p * divide(1.0, away)),)
-        if self.shape in ("hole", "cylinder"):  # a hole as if it were filled
+        # for a rotor's disc a hole is as if it were filled
+        if self.shape in ("hole", "cylinder"):
             outer, length = self.size[-2:]
             away = sqrt(p.x * p.x + p.y * p.y + _CENTRE)
             round_about = Vec3(divide(p.x, away), divide(p.y, away), 0)
@@ -219,6 +220,7 @@ class Surface:
             return radius - height, R.apply(normal)
         faces = self._faces(p)
         height, normal = _nearest(faces)
+        # a point inside counts to the nearest face, outside it has no force
         if len(faces) > 1 and not absent(radius):
             height, normal = _nearest_edge(faces, height, normal)
         return radius - height, R.apply(normal)
@@ -241,10 +243,8 @@ class Surface:
             t: s.
         """
         R = self.rotation
-        axis, faces = (
-            R.apply_T(axis_W),
-            self._faces(R.apply_T(centre_W - self.place(t)[0])),
-        )
+        axis = R.apply_T(axis_W)
+        faces = self._faces(R.apply_T(centre_W - self.place(t)[0]))
         planes = (
             [*faces, _nearest_edge(faces, *_nearest(faces))]
             if len(faces) > 1
@@ -303,11 +303,13 @@ def _slab(c: Scalar, size: Scalar, axis: Vec3) -> Face:
     """Nearer of two opposite parallel faces to a point: height of the point above it,
     and outward normal.
     """
+    # the nearer of two opposite faces is on the side of the point
     return absolute(c) - 0.5 * size, axis * sign(c)
 
 
 def _either(condition: Scalar, a: Vec3, b: Vec3) -> Vec3:
     return Vec3(
+        # a shared constant stays structure
         *(x if x is y else where(condition, x, y) for x, y in zip(a, b, strict=True))
     )
 
@@ -326,11 +328,6 @@ def _nearest_edge(faces: tuple[Face, ...], height: Scalar, normal: Vec3) -> Face
 
 SHORTEST = 1e-6
 """Shortest length (m) of a hole; a smaller number is probably in another unit."""
-
-
-_SMALL = 1e-24
-"""Squared length (m^2) under a root: a direction on the axis or at a corner is zero
-instead of NaN."""
 
 
 def require_hole(size: Sequence[Scalar]) -> None:
@@ -359,7 +356,7 @@ def from_plate(size: Sequence[Scalar], p: Vec3) -> Face:
             it.
     """
     radius, depth, chamfer, outer, length = size
-    away = sqrt(p.x * p.x + p.y * p.y + _SMALL)
+    away = sqrt(p.x * p.x + p.y * p.y + _CENTRE)
     # start and way of each edge; a zero of structure folds away
     edges = (
         ((0, neg(depth)), (radius, 0)),
@@ -379,11 +376,12 @@ def from_plate(size: Sequence[Scalar], p: Vec3) -> Face:
             for a, b in zip(other, nearest, strict=True)
         )
     square, along, up, edge_along, edge_up = nearest
-    distance, sign = sqrt(square), where(outside, 1.0, -1.0)
+    distance = sqrt(square)
+    sign = where(outside, 1.0, -1.0)
     # on the skin the way to it has no direction, the edge has
-    close = square < _SMALL
+    close = square < _CENTRE
     n, z = (
-        where(close, edge, divide(way, distance + _SMALL) * sign)
+        where(close, edge, divide(way, distance + _CENTRE) * sign)
         for way, edge in ((along, edge_along), (up, edge_up))
     )
     return sign * distance, Vec3(n * divide(p.x, away), n * divide(p.y, away), z)
@@ -408,11 +406,9 @@ def _to_edge(
     x, y = sub(away, start[0]), sub(z, start[1])
     square = add(mul(way[0], way[0]), mul(way[1], way[1]))
     t = clip(add(mul(x, way[0]), mul(y, way[1])) * (1.0 / square), 0.0, 1.0)
-    along, up, scale = (
-        sub(x, mul(t, way[0])),
-        sub(y, mul(t, way[1])),
-        1.0 / sqrt(square),
-    )
+    along = sub(x, mul(t, way[0]))
+    up = sub(y, mul(t, way[1]))
+    scale = 1.0 / sqrt(square)
     return (
         along * along + up * up,
         along,

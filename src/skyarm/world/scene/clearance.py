@@ -150,7 +150,8 @@ class Clearances:
             )
             for each in volumes(turned)
         }
-        base, rows = Pose(rotation, position), []
+        base = Pose(rotation, position)
+        rows = []
         outside = {
             pair.volume: own[pair.volume].transform(base)
             for pair in self.pairs
@@ -192,12 +193,9 @@ def clearances(
     pairs = [
         Pair(name, surface.name, surface) for surface in obstacles for name in free
     ]
-    inner = [
-        Pair(b.name, a.name)
-        for i, b in enumerate(every)
-        for a in every[:i]
-        if a.body != b.body
-    ]
+    inner = []
+    for i, b in enumerate(every):
+        inner += [Pair(b.name, a.name) for a in every[:i] if a.body != b.body]
     rest = [clip(0.0, joint.lower, joint.upper) for joint in vehicle.joints]
     apart = Clearances(vehicle, tuple(inner)).distances(ZERO3, Mat3.identity(), rest)
     measured = zip(inner, apart, strict=True)
@@ -213,12 +211,14 @@ def volumes(vehicle: Vehicle) -> list[Volume]:
     """Volumes of a vehicle at rest, each in the axes of its body; sizes are those of
     its drawn shapes.
     """
-    (reach, discs), (wide, flat) = boom_and_disc(vehicle), HULL
+    reach, discs = boom_and_disc(vehicle)
+    wide, flat = HULL
     made = [
         Volume("hull", BASE, ZERO3, ZERO3, flat * reach, (wide - flat) * reach, E_Z)
     ]
     for rotor in vehicle.rotors:
-        hub, rim = rotor.position, 0.01 * reach
+        hub = rotor.position
+        rim = 0.01 * reach
         made.append(Volume(f"boom/{rotor.name}", BASE, ZERO3, hub, 0.03 * reach))
         made.append(
             Volume(disc_name(rotor.name), BASE, hub, hub, rim, discs - rim, rotor.axis)
@@ -236,9 +236,12 @@ def volumes(vehicle: Vehicle) -> list[Volume]:
 
 def pair_distance(a: Volume, b: Volume) -> Scalar:
     """Signed distance (m) of two volumes in one frame, at most one of them a disc."""
+    # the formula below takes the disc second
     if not absent(a.disc):
         return pair_distance(b, a)
-    way, other, middle = a.end - a.start, b.end - b.start, b.start
+    way = a.end - a.start
+    other = b.end - b.start
+    middle = b.start
     start, along = _values(a.start - middle), _values(way)
     if absent(b.disc):
         s, t = _nearest_shares(start, along, _values(other))
@@ -255,19 +258,22 @@ def pair_distance(a: Volume, b: Volume) -> Scalar:
 
 def surface_distance(each: Volume, surface: Surface, time: Scalar) -> Scalar:
     """Signed distance (m) of a volume in world axes from a surface."""
-    R, at = surface.rotation, surface.place(time)[0]
+    R = surface.rotation
+    at = surface.place(time)[0]
     if surface.shape == "sphere":
         return pair_distance(each, Volume("", BASE, at, at, surface.size[0]))
     if not absent(each.disc):
         return surface.clearance(each.start, each.axis, each.disc, time) - each.radius
     if surface.shape in ("cylinder", "hole"):
-        axis, half = R.column(2), 0.5 * surface.size[-1]
+        axis = R.column(2)
+        half = 0.5 * surface.size[-1]
         middle = at if surface.shape == "cylinder" else at - axis * half
         return pair_distance(
             each, Volume("", BASE, middle, middle, 0, surface.size[-2], axis, half)
         )
     start, way = R.apply_T(each.start - at), R.apply_T(each.end - each.start)
     if surface.shape == "plane":
+        # the lower end, since a plane is nearest to an end of a segment
         return (start + way * where(_values(way).z > 0.0, 0.0, 1.0)).z - each.radius
     return (
         _from_box(tuple(0.5 * edge for edge in surface.size), start, way) - each.radius
@@ -321,6 +327,7 @@ def _least(
 
     for t in breaks:
         narrow(clip(t, 0.0, 1.0))
+    # bisection after each secant: a secant alone may creep from one side
     for _ in range(rounds):
         narrow(secant())
         narrow(0.5 * (lo + hi))
@@ -369,7 +376,8 @@ def _nearest_to_box(
     square = apart.dot(apart)
     free = where(square > _TINY, square, 0.0)
     # ways out: along the normal of a face, or across an edge and the segment
-    best: Scalars = (-math.inf, *(0.0,) * 5)  # height, share, end of the way, normal
+    # height, share, end of the way, normal
+    best: Scalars = (-math.inf, *(0.0,) * 5)
     for face, along in zip((E_X, E_Y, E_Z), d, strict=True):
         across = d - face * along
         length = across.dot(across)
@@ -385,15 +393,8 @@ def _nearest_to_box(
                 else _share((corner - a).dot(across), length)
             )
             height = n.dot(a + d * t) - n.dot(corner)
-            better, way = (
-                logical_and(usable, height > best[0]),
-                (
-                    height,
-                    t,
-                    n.dot(corner),
-                    *n,
-                ),
-            )
+            better = logical_and(usable, height > best[0])
+            way = (height, t, n.dot(corner), *n)
             best = tuple(where(better, x, y) for x, y in zip(way, best, strict=True))
     return free, where(free > 0.0, share, best[1]), Vec3(*best[3:]), best[2]
 
@@ -404,12 +405,11 @@ def _above_cylinder(point: Vec3, disc: Volume) -> Scalar:
     """
     along = disc.axis.dot(point)
     across = point - disc.axis * along
-    side, end = (
-        sqrt(across.dot(across) + _TINY) - disc.disc,
-        absolute(along) - disc.half,
-    )
+    side = sqrt(across.dot(across) + _TINY) - disc.disc
+    end = absolute(along) - disc.half
     out, up, height = maximum(side, 0.0), maximum(end, 0.0), maximum(side, end)
     outside = sqrt(out * out + up * up + _TINY)
+    # a flat disc has no inside
     return outside if absent(disc.half) else where(height > 0.0, outside, height)
 
 
@@ -423,12 +423,11 @@ def _nearest_to_cylinder(record: tuple[Vec3, Vec3, Vec3, Scalar, Scalar]) -> Sca
     a, b, c = drift.dot(drift), across.dot(drift), across.dot(across)
 
     def slope(t: Scalar) -> Scalar:
-        away, turn, z = (
-            sqrt(maximum(c + t * (2.0 * b + a * t), 0.0) + _TINY),
-            b + a * t,
-            along + climb * t,
-        )
-        side, end = away - radius, absolute(z) - half
+        away = sqrt(maximum(c + t * (2.0 * b + a * t), 0.0) + _TINY)
+        turn = b + a * t
+        z = along + climb * t
+        side = away - radius
+        end = absolute(z) - half
         rise: Scalar = (
             divide(maximum(side, 0.0), away) * turn + (z - clip(z, -half, half)) * climb
         )

@@ -115,6 +115,7 @@ def _own_columns(
                 name: logged(name)[:, begins.get(name, 0) :][:, :count]
                 for name, count in own.items()
             }
+            # a log may lack columns of a part, which is then not drawn
             if all(columns[name].shape[1] == count for name, count in own.items()):
                 yield part, columns
         for name, count in own.items():
@@ -151,7 +152,8 @@ def _drawn(part: Component[Tree], seen: Instants) -> Scene:
     Raises:
         ValueError: it cannot be drawn; one line with the method's file.
     """
-    scene, function = part.shapes(seen), part.shapes
+    scene = part.shapes(seen)
+    function = part.shapes
     require_result(
         function, scene, isinstance(scene, Scene), "a skyarm.world.scene.Scene"
     )

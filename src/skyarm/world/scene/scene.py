@@ -186,7 +186,9 @@ def hidden_share(solids: Iterable[Solid], places: Array, towards: Array) -> floa
 
 def inside(solid: Solid, places: Array) -> Mask:
     """True for points (..., 3) inside a drawn solid, given in its axes."""
-    kind, size, height = solid.shape.kind, np.array(solid.shape.size), places[..., 2]
+    kind = solid.shape.kind
+    size = np.array(solid.shape.size)
+    height = places[..., 2]
     across = np.linalg.norm(places[..., :2], axis=-1)
     within: Mask
     if kind == "patch":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from itertools import product
 
 import numpy as np
 
@@ -159,7 +160,8 @@ def mesh_of(shape: Shape, around: int = AROUND) -> tuple[Array, IntArray]:
     Raises:
         ValueError: a kind of shape that there is not.
     """
-    own, size = own_mesh(shape), shape.size
+    own = own_mesh(shape)
+    size = shape.size
     arc = [
         (math.sin(a), -math.cos(a))
         for a in np.linspace(0.0, 0.5 * math.pi, around // 4 + 1)
@@ -172,7 +174,8 @@ def mesh_of(shape: Shape, around: int = AROUND) -> tuple[Array, IntArray]:
         )
         vertices = vertices * np.array(size * 3 if shape.kind == "sphere" else size)
     elif shape.kind == "cylinder":
-        radius, half = size[0], 0.5 * size[1]
+        radius = size[0]
+        half = 0.5 * size[1]
         vertices, faces = _revolve(
             [(0.0, -half), (radius, -half), (radius, half), (0.0, half)], around
         )
@@ -216,14 +219,13 @@ def own_mesh(shape: Shape) -> tuple[Array, IntArray] | None:
     if mesh is None or x * y * z > 0.0:
         return mesh
     vertices, faces = mesh
-    return vertices, faces[:, ::-1]  # a mirrored mesh would be seen from inside
+    # a mirrored mesh would be seen from inside
+    return vertices, faces[:, ::-1]
 
 
 def _box(half: Array) -> tuple[Array, IntArray]:
     """Mesh of a box about the origin with half lengths (3,)."""
-    corners = (
-        np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
-    )
+    corners = np.array([*product((-1, 1), repeat=3)]) * half
     quads = [
         (0, 1, 3, 2),
         (4, 6, 7, 5),
@@ -245,7 +247,8 @@ def _revolve(profile: list[tuple[float, float]], around: int) -> tuple[Array, In
     ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(around)], axis=1)
     vertices = np.concatenate([ring * [r, r, 0.0] + [0.0, 0.0, z] for r, z in profile])
     k = np.arange(around)
-    following, faces = (k + 1) % around, []
+    following = (k + 1) % around
+    faces = []
     for low in range(0, (len(profile) - 1) * around, around):
         high = low + around
         faces.append(np.stack([low + k, low + following, high + following], axis=1))

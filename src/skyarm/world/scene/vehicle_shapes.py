@@ -162,7 +162,8 @@ def _rotor_shapes(vehicle: Vehicle, reach: float) -> list[Shape]:
                     hub,
                 )
             )
-        disc, axis = (radius, 0.02 * reach), turn_onto(floats(rotor.axis))
+        disc = (radius, 0.02 * reach)
+        axis = turn_onto(floats(rotor.axis))
         shapes.append(
             Shape(f"rotor/{rotor.name}", "rotor", "cylinder", BASE, disc, hub, axis)
         )
@@ -197,7 +198,10 @@ def rod_ends(vehicle: Vehicle, body: int) -> list[tuple[str, Vec3]]:
     if body != BASE and not ends:
         ends = [("com", vehicle.moving[body].body.com)]
     return [
-        each for each in ends if not concrete(*each[1]) or math.hypot(*each[1]) > 1e-6
+        # a rod without length has no direction
+        each
+        for each in ends
+        if not concrete(*each[1]) or math.hypot(*each[1]) > 1e-6
     ]
 
 

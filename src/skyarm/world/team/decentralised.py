@@ -99,7 +99,8 @@ class Decentralised(Sharing):
         pulls = self.along(
             self.desired_tensions(inputs.time), self.arms(inputs.desired.R)
         )
-        after, carries = [], []
+        after = []
+        carries = []
         for member, state, pull, force in zip(
             self.members, own, pulls, inputs.forces, strict=True
         ):
@@ -112,11 +113,15 @@ class Decentralised(Sharing):
             )
             moved = as_data(
                 MemberState(
-                    offset=state.offset + rate * dt, rate=rate, mass=maximum(mass, 0.0)
+                    # a negative part would ask the member to press the body down
+                    offset=state.offset + rate * dt,
+                    rate=rate,
+                    mass=maximum(mass, 0.0),
                 )
             )
             after.append(moved)
-            shift, holding = (moved.offset, moved.rate, bend), inputs.holding
+            shift = (moved.offset, moved.rate, bend)
+            holding = inputs.holding
             borne = state.mass * share * holding
             carries.append(
                 carry_of(

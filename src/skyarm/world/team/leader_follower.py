@@ -97,15 +97,15 @@ class LeaderFollower(Sharing):
     ) -> tuple[tuple[Yielding, ...], tuple[Scalars, ...]]:
         """Next state of the law, and the shift of each follower's tip."""
         own = cast("tuple[Yielding, ...]", own)
-        leader, share = self.leader or self.members[0].agent, self.fraction(inputs.time)
+        leader = self.leader or self.members[0].agent
+        share = self.fraction(inputs.time)
         arms = self.arms(inputs.desired.R)
         loads = self.shares(*weight_of(self, inputs.desired, inputs.gravity), arms)
-        after, carries = [], []
+        after = []
+        carries = []
         pulls = self.along(self.desired_tensions(inputs.time), arms)
-        masses, settling = (
-            self.masses_moved(share),
-            divide(0.5 * self.damping, self.virtual_mass),
-        )
+        masses = self.masses_moved(share)
+        settling = divide(0.5 * self.damping, self.virtual_mass)
         rows = zip(
             self.members,
             own,
@@ -127,6 +127,8 @@ class LeaderFollower(Sharing):
                 bend = divide(pushed, self.virtual_mass)
                 # at the bound the tip rests
                 free = absolute(body.offset + (body.rate + bend * dt) * dt) < FARTHEST
+                # both by the bend of before: as two statements the rate would take the
+                # new one
                 bend, rate = (
                     where(free, bend, 0.0),
                     where(free, body.rate + bend * dt, 0.0),

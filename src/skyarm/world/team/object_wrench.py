@@ -71,6 +71,7 @@ from skyarm.world.team.team import (
     Sharing,
     TeamInputs,
     carry_of,
+    columns_of_labels,
     require_whole_periods,
     weight_of,
 )
@@ -104,6 +105,13 @@ member moves its tip."""
 LEAST_LEVER = 0.02
 """Lever (m) of the weight, beyond what forces and fixed grasps of the members bear,
 from which the body tips."""
+
+
+MESSAGES = (
+    ("message_age", "s", "age of the force that others have of a member"),
+    ("messages_lost", "", "number of a member's messages that were lost"),
+)
+"""Logged quantities of the messages: array, unit, meaning."""
 
 
 @immutable
@@ -337,25 +345,7 @@ class ObjectWrench(Sharing):
     def further_columns(self) -> tuple[Column, ...]:
         """Log columns of the messages."""
         agents = [each.agent for each in self.members]
-        ages = (
-            Column(
-                "message_age",
-                each,
-                "s",
-                "age of the force that others have of a member",
-            )
-            for each in agents
-        )
-        lost = (
-            Column(
-                "messages_lost",
-                each,
-                "",
-                "number of a member's messages that were lost",
-            )
-            for each in agents
-        )
-        return (*ages, *lost)
+        return columns_of_labels(MESSAGES, (agents, agents))
 
     def first(self, period: float) -> WrenchMemory:
         """Initial state of the law: nothing shifted."""
@@ -387,7 +377,7 @@ class ObjectWrench(Sharing):
         of its tip.
         """
         own = cast("WrenchMemory", own)
-        assert self.motion is not None
+        # a member without a virtual mass has lost its grasp
         holding = [where(each.mass > 0.0, inputs.holding, 0.0) for each in self.members]
         team = self.with_masses(
             [
@@ -396,12 +386,16 @@ class ObjectWrench(Sharing):
             ]
         )
         course = self._course(own, inputs, dt)
-        desired, R, arms = course.desired, course.desired.R, self.arms(course.desired.R)
-        share, standing = course.share, 1.0 - course.share
+        desired, share = course.desired, course.share
+        R = desired.R
+        arms = self.arms(R)
+        standing = 1.0 - share
         loads, moments, ratios, short = team._loads(desired, inputs, arms, holding)
+        # a lost member counts from where the others bear a quarter of the load
         after_loss = where(
             (inputs.holding * len(holding) - sum(holding, 0.0)) * share > 0.25, 1.0, 0.0
         )
+        # past PATIENCE it only grows: a body that is being set down is set down
         overload = (own.overload + dt) * where(
             own.overload < PATIENCE, after_loss * where(short, 1.0, 0.0), 1.0
         )
@@ -411,16 +405,11 @@ class ObjectWrench(Sharing):
         forces = [load * share + pull for load, pull in zip(loads, pulls, strict=True)]
         sent, since = self._send(own, inputs, dt)
         late = (sent, *own.late)
+        received = list(zip(late[-1], holding, strict=True))
         fresh = reduce(
-            mul,
-            (
-                where(m.age * h > self.timeout, 0.0, 1.0)
-                for m, h in zip(late[-1], holding, strict=True)
-            ),
+            mul, (where(m.age * h > self.timeout, 0.0, 1.0) for m, h in received)
         )
-        internal = team.internal(
-            [m.force * h for m, h in zip(late[-1], holding, strict=True)], arms
-        )
+        internal = team.internal([m.force * h for m, h in received], arms)
         excess = [
             ((pull - inner) * (share * fresh) + (force - own_force) * standing) * h
             for pull, inner, force, own_force, h in zip(
@@ -428,18 +417,20 @@ class ObjectWrench(Sharing):
             )
         ]
         pose = team._pose_errors(own.pose, inputs, course, arms, dt)
-        ahead, aslant = (
-            pose.place + pose.off * self.pose_shift,
-            pose.turn + pose.askew * self.pose_shift,
-        )
+        ahead = pose.place + pose.off * self.pose_shift
+        aslant = pose.turn + pose.askew * self.pose_shift
         missing = course.then.velocity - inputs.body.velocity
         # not its turning: a twist on spread cables is quicker than vehicles that lean,
         # which would feed it
         slip = Vec3(missing.x, missing.y, 0.0)
         prompt = self._promptness
         step = 0.5 * self.pull_gain * prompt * prompt * dt
-        rows = zip(inputs.tilting or [NO_TILT] * len(excess), excess, strict=True)
-        tilted = [share_of_tilt.apply(each) for share_of_tilt, each in rows]
+        tilted = [
+            share_of_tilt.apply(each)
+            for share_of_tilt, each in zip(
+                inputs.tilting or [NO_TILT] * len(excess), excess, strict=True
+            )
+        ]
         quick = [
             each - slow * (1.0 - TILTING * TILTING)
             for each, slow in zip(excess, tilted, strict=True)
@@ -449,20 +440,16 @@ class ObjectWrench(Sharing):
             for q, each in zip(own.inner, quick, strict=True)
         ]
         moved_masses = team.masses_moved(share)
-        shifts, carries, blind, w = (
-            [],
-            [],
-            self.blind * prompt * (1.0 + STANDING * standing),
-            self.filter,
-        )
-        for i, member in enumerate(self.members):
-            shift, h, planned = (
-                own.shifts[i],
-                holding[i],
-                inputs.desired.of_place(member.place),
-            )
+        shifts = []
+        carries = []
+        blind = self.blind * prompt * (1.0 + STANDING * standing)
+        for i, (member, shift, h) in enumerate(
+            zip(self.members, own.shifts, holding, strict=True)
+        ):
+            planned = inputs.desired.of_place(member.place)
             target = ahead + aslant.cross(arms[i]) + R.apply(inner[i]) + course.lower
             target = target + slip * self.swing
+            w = self.filter
             bend = (target - shift.offset) * (w * w) - shift.rate * (2.0 * w)
             speed = shift.rate + bend * dt
             moved = as_data(TipShift(offset=shift.offset + speed * dt, rate=speed))
@@ -476,6 +463,7 @@ class ObjectWrench(Sharing):
             moves = [s + (there - here) for s, there, here in aside]
             moment = moments[i] * share
             of_moment = (moment - inputs.moments[i]) * (
+                # only a fixed grasp has a moment that its observer may forget
                 h * self.blind_moments if member.kind == "fixed" else 0.0
             )
             forgotten = (excess[i] - tilted[i] * (1.0 - TILTING)) * blind, of_moment
@@ -527,11 +515,9 @@ class ObjectWrench(Sharing):
             where(self.motion.lift > 0.0, goal - self._start, 1.0) > LIFTED, dt, 0.0
         )
         off = course.then.position + course.lower - inputs.body.position
-        askew, near, waiting = (
-            self.turn_error(inputs.body.rotation, course.then.R),
-            cast("Scalar", 0.0),
-            pose.waiting,
-        )
+        askew = self.turn_error(inputs.body.rotation, course.then.R)
+        near = cast("Scalar", 0.0)
+        waiting = pose.waiting
         if inputs.behind and all(each.kind not in LASTING for each in self.members):
             there = [
                 course.then.position + course.lower + course.then.R.apply(m.place)
@@ -541,16 +527,15 @@ class ObjectWrench(Sharing):
                 inputs.body.position + inputs.body.rotation.apply(m.place)
                 for m in self.members
             ]
-            apart, behind = (
-                tuple(a - b for a, b in zip(there, here, strict=True)),
-                tuple(inputs.behind),
-            )
+            apart = tuple(a - b for a, b in zip(there, here, strict=True))
+            behind = tuple(inputs.behind)
             late = (as_data(behind if self.pose_age else apart), *waiting)
             apart, behind = (apart, late[-1]) if self.pose_age else (late[-1], behind)
             off, askew = self.rigid_shift(
                 [a - b for a, b in zip(apart, behind, strict=True)], arms
             )
-            near, waiting = aloft * self.filter, late[:-1]
+            near = aloft * self.filter
+            waiting = late[:-1]
         errors = PoseErrors(
             place=shorten(pose.place + off * (aloft * self.pose_gain), FARTHEST),
             turn=shorten(pose.turn + askew * (aloft * self.pose_gain), FARTHEST),
@@ -567,6 +552,7 @@ class ObjectWrench(Sharing):
 
         Their mean age beyond the delay is that of the last one that was not lost.
         """
+        # messages of every period that come at once slow nothing down
         if absent(self.rate) and not self.delay:
             return 1.0
         # mean number of intervals since one that arrives
@@ -598,6 +584,7 @@ class ObjectWrench(Sharing):
         assert self.motion is not None
         pace = clip(1.0 - (own.overload - PATIENCE), 0.0, 1.0)
         clock = where(pace < 1.0, own.clock + pace * dt, inputs.time)
+        # the pace falls from 1 to 0 within 1 s, and is constant before and after
         change = where(pace * (1.0 - pace) > 0.0, -1.0, 0.0)
         desired = then = self.motion.at(clock).at_pace(pace, change)
         if self.pose_age:
@@ -633,7 +620,8 @@ class ObjectWrench(Sharing):
         Fixed grasps bear what the forces leave of the moment.
         """
         force, moment = weight_of(self, desired, inputs.gravity)
-        loads, endless = self.shares(force, moment, arms), [SLACK / SMALL] * len(arms)
+        loads = self.shares(force, moment, arms)
+        endless = [SLACK / SMALL] * len(arms)
         ratios = [
             divide(limit + SLACK, sqrt(load.dot(load)) + SLACK)
             for limit, load in zip(inputs.limits or endless, loads, strict=True)
@@ -675,6 +663,7 @@ class ObjectWrench(Sharing):
                 lost=each.lost + now - through,
             )
             sent.append(as_data(message))
+        # what is left of the interval stays, so that the mean rate is as stated
         left = 0.0 if absent(self.rate) else since - now * interval
         # after the first message, which is sent at once
         return tuple(sent), where(left > interval, 0.0, left)

@@ -67,6 +67,26 @@ STEP = 0.05
 """Time (s) between the instants at which the end of a cable is planned."""
 
 
+LOGGED = (
+    ("team_position_error", "m", "distance of the body from its desired position"),
+    ("team_turn_error", "rad", "angle of the body from its desired attitude"),
+    ("team_pull", "N", "internal force along the line of two grasps"),
+    ("team_pull_reference", "N", "desired internal force along that line"),
+    ("load_share", "", "vertical force of a member over the weight of the body"),
+)
+"""Logged quantities of a team: array, unit, meaning."""
+
+
+def columns_of_labels(
+    quantities: Sequence[tuple[str, str, str]], labels: Sequence[Sequence[str]]
+) -> tuple[Column, ...]:
+    """Log columns of some quantities, each with one column for each of its labels."""
+    columns = list[Column]()
+    for (array, unit, meaning), own in zip(quantities, labels, strict=True):
+        columns += [Column(array, label, unit, meaning) for label in own]
+    return tuple(columns)
+
+
 @immutable
 class TeamInputs:
     """Inputs of a team's law in a control period, world axes.
@@ -288,7 +308,8 @@ class Team(VirtualMasses, Component[TeamMemory]):
             + along
         )
         if vehicle.end_effector and not vehicle.n:
-            heading, hook = path.yaw.derivatives(t)[0], vehicle.frame().position
+            heading = path.yaw.derivatives(t)[0]
+            hook = vehicle.frame().position
             ends = ends - Vec3(
                 np.cos(heading) * hook.x - np.sin(heading) * hook.y,
                 np.sin(heading) * hook.x + np.cos(heading) * hook.y,
@@ -314,6 +335,7 @@ class Team(VirtualMasses, Component[TeamMemory]):
             return arm
         (line,) = self.lines(self.arms(R))
         across, pull = (each - line * each.dot(line) for each in (arm, force))
+        # as far from the line of the grasps as the place is, but along the force
         hung: Vec3 = pull * np.sqrt(across.dot(across) / (pull.dot(pull) + SMALL))
         turned: Vec3 = arm + (hung - across) * where(across.dot(pull) > 0.0, 1.0, 0.0)
         return turned
@@ -357,13 +379,8 @@ class Team(VirtualMasses, Component[TeamMemory]):
         """Number of random numbers of the body's measured motion in a control
         period.
         """
-        pose, rates = (
-            (self.position_noise, self.attitude_noise),
-            (
-                self.velocity_noise,
-                self.rate_noise,
-            ),
-        )
+        pose = (self.position_noise, self.attitude_noise)
+        rates = (self.velocity_noise, self.rate_noise)
         if not all(map(coerce.absent, rates)):
             return 12
         return 0 if all(map(coerce.absent, pose)) else 6
@@ -414,7 +431,8 @@ class Team(VirtualMasses, Component[TeamMemory]):
     def start(self, period: float, draws: Sequence[Scalar]) -> TeamMemory:
         """Initial internal state of the team."""
         carries = (Carry.none().numbers,) * (len(self.members) if self.steers else 0)
-        logged, drawn = (0.0,) * len(self.columns), tuple(draws[: self.uniforms])
+        logged = (0.0,) * len(self.columns)
+        drawn = tuple(draws[: self.uniforms])
         seen: tuple[CarriedFrame, ...] = ()
         if self.motion is not None and self.pose_age:
             begin = self.motion.at(0.0)
@@ -491,6 +509,7 @@ class Team(VirtualMasses, Component[TeamMemory]):
         )
         team = self.with_masses(list(masses))
         desired = self.motion.at(t)
+        # noise of the instant of the measurement, which ages with it
         seen = (self.measured_motion(body, memory.drawn), *memory.seen)
         inputs = TeamInputs(
             time=t,
@@ -510,11 +529,10 @@ class Team(VirtualMasses, Component[TeamMemory]):
         arms = self.arms(body.rotation)
         tensions = team.tensions(team.internal(pulls, arms), arms)
         mass = next(each.mass for each in contact.objects if each.name == self.object)
+        # shares of no weight would divide by 0
         weight = maximum(mass * motion.gravity, LEAST)
-        off, turn = (
-            body.position - desired.position,
-            team.turn_error(body.rotation, desired.R),
-        )
+        off = body.position - desired.position
+        turn = team.turn_error(body.rotation, desired.R)
         shares = (divide(f.z, weight) for f in pulls)
         errors = sqrt(off.dot(off)), sqrt(turn.dot(turn))
         logged = (
@@ -575,56 +593,18 @@ class Team(VirtualMasses, Component[TeamMemory]):
         """Log columns: error of the body's pose, internal pull, and the share of the
         load of each member.
         """
-        pairs = [
-            f"{self.members[i].agent}_{self.members[j].agent}" for i, j in self.pairs
-        ]
-        return (
-            Column(
-                "team_position_error",
-                self.object,
-                "m",
-                "distance of the body from its desired position",
-            ),
-            Column(
-                "team_turn_error",
-                self.object,
-                "rad",
-                "angle of the body from its desired attitude",
-            ),
-            *(
-                Column(
-                    "team_pull",
-                    pair,
-                    "N",
-                    "internal force along the line of two grasps",
-                )
-                for pair in pairs
-            ),
-            *(
-                Column(
-                    "team_pull_reference",
-                    pair,
-                    "N",
-                    "desired internal force along that line",
-                )
-                for pair in pairs
-            ),
-            *(
-                Column(
-                    "load_share",
-                    each.agent,
-                    "",
-                    "vertical force of a member over the weight of the body",
-                )
-                for each in self.members
-            ),
-            *self.further_columns(),
-        )
+        body = (self.object,)
+        agents = [each.agent for each in self.members]
+        pairs = [f"{agents[i]}_{agents[j]}" for i, j in self.pairs]
+        labels = (body, body, pairs, pairs, agents)
+        own = columns_of_labels(LOGGED, labels)
+        return (*own, *self.further_columns())
 
     def columns_of(self, agent: str) -> Sequence[Column]:
         """Log columns without those of other members than ``agent``: pulls are of two
         of them.
         """
+        # the label of a pull names two members: none of the others' names equals it
         others = {each.agent for each in self.members} - {agent}
         return [each for each in self.columns if each.label not in others]
 
@@ -744,6 +724,7 @@ def require_whole_periods(name: str, value: float, period: float) -> None:
     Raises:
         RecordError: one line that begins with the field's name.
     """
+    # decimal fractions are whole multiples up to rounding only
     if abs(round(value / period) * period - value) > 1e-9:
         raise RecordError(
             f"{name} = {value:g}: must be a whole number of control periods of"

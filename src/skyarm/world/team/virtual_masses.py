@@ -122,10 +122,8 @@ class VirtualMasses:
         for (i, j), tension, line in zip(
             self.pairs, tensions, self.lines(arms), strict=True
         ):
-            forces[i], forces[j] = (
-                forces[i] + line * tension,
-                forces[j] - line * tension,
-            )
+            forces[i] = forces[i] + line * tension
+            forces[j] = forces[j] - line * tension
         return forces
 
     def lines(self, arms: Sequence[Vec3]) -> list[Vec3]:
@@ -134,11 +132,10 @@ class VirtualMasses:
         """
         lines = []
         for i, j in self.pairs:
-            line, least = (
-                arms[i] - arms[j],
-                minimum(self.members[i].mass, self.members[j].mass),
-            )
+            line = arms[i] - arms[j]
+            least = minimum(self.members[i].mass, self.members[j].mass)
             lines.append(
+                # a lost member takes no part: it must not be pulled either
                 line * where(least > 0.0, divide(1.0, sqrt(line.dot(line))), 0.0)
             )
         return lines
@@ -147,11 +144,13 @@ class VirtualMasses:
         """Pull (N) along the line of each pair of grasps from internal forces (N), by
         least squares.
         """
-        lines, pairs = self.lines(arms), self.pairs
+        lines = self.lines(arms)
+        pairs = self.pairs
         A: list[list[Scalar]] = [[0.0] * len(pairs) for _ in pairs]
         for a, (i, j) in enumerate(pairs):
             for b, (k, m) in enumerate(pairs):
                 sign = float((i == k) + (j == m) - (i == m) - (j == k))
+                # grasps on one line have no unique pulls: SMALL selects the least ones
                 A[a][b] = lines[a].dot(lines[b]) * sign + (SMALL if a == b else 0.0)
         return ldl_solve(
             A,
@@ -222,7 +221,8 @@ class VirtualMasses:
         """Force of each member for a force (N) and a moment (N m, about the body's
         middle), without internal ones.
         """
-        relative, whole = self.from_middle(arms), self.per_mass
+        relative = self.from_middle(arms)
+        whole = self.per_mass
         turning = Vec3(
             *ldl_solve(
                 self.moments(relative),
@@ -254,12 +254,14 @@ class VirtualMasses:
         """
         J: list[list[Scalar]] = [[0.0] * 3 for _ in range(3)]
         for each, r in zip(self.members, relative, strict=True):
-            square, c = r.dot(r), tuple(r)
+            square = r.dot(r)
+            c = tuple(r)
             for i in range(3):
                 for k in range(3):
                     J[i][k] = J[i][k] + each.mass * (
                         (square if i == k else 0.0) - c[i] * c[k]
                     )
+        # of points on a line J has no inverse: the turn about it is left at 0
         eased = maximum((J[0][0] + J[1][1] + J[2][2]) * SMALL, FLOOR)
         for i in range(3):
             J[i][i] = J[i][i] + eased

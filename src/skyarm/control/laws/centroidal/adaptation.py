@@ -48,6 +48,7 @@ from skyarm.control.blocks.attitude import derivative, posture
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import vector_data
+from skyarm.control.blocks.tip_force import levers
 from skyarm.control.laws.centroidal.parameters import (
     CentroidalParameters,
     OptionalPart,
@@ -56,7 +57,7 @@ from skyarm.control.laws.centroidal.parameters import (
 )
 from skyarm.control.laws.centroidal.step_records import Planned, ReferenceMotion
 from skyarm.dynamics import mass_matrix_at_rest
-from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
+from skyarm.dynamics.kinematics import jacobian_columns
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -362,8 +363,8 @@ def adaptation_gains(
     """
     if not vehicle.n:
         return None
+    # bounds are numbers of the made law, so one pose stands for all
     M = np.array(mass_matrix_at_rest(vehicle), dtype=float)
-    joints = [link.joint for link in vehicle.links]
     inertias = [float(M[6 + i][6 + i]) for i in range(vehicle.n)]
     # decay rate of the arm's fastest mode by that damping: that of a joint whose outer
     # joints give way, not locked
@@ -373,11 +374,12 @@ def adaptation_gains(
     )
     modelled = MODELLED * min(1.0, damping / fastest)
     gains = AdaptationGains(
+        # None and not 0, so that the program has no part of the mass at all
         load=(rate or None) if vehicle.end_effector else None,
         mass_limit=limit,
         damping_limits=tuple((0.0, STICKIEST * each) for each in inertias),
         modelled=tuple(modelled * each for each in inertias),
-        slow=tuple(SLOW[q.kind] for q in joints),
+        slow=tuple(SLOW[joint.kind] for joint in vehicle.joints),
         delay_periods=delay_periods,
     )
     return gains.doubting(vehicle, doubted)
@@ -433,10 +435,8 @@ def adapt(
             efforts=efforts,
         )
 
-    (inside, rest), (inside_before, rest_before) = (
-        gains.split_damping(joints),
-        gains.split_damping(learned.joints),
-    )
+    inside, rest = gains.split_damping(joints)
+    inside_before, rest_before = gains.split_damping(learned.joints)
     change = feedforward(sub(mass, learned.tip_mass), differences(rest, rest_before))
     # what the model's joints have of it acts at the observed rates
     shares = zip(change.efforts, inside, inside_before, rates, strict=True)
@@ -464,7 +464,7 @@ def filter_signals(
     """
     par, measurement, dt = step.par, step.measurement, step.dt
     vehicle, velocity = par.model.vehicle, learned.tip_velocity
-    loads: Sequence[Scalar] = (0.0,) * vehicle.n
+    loads: Sequence[Scalar] = vehicle.zeros
     if gains.load is not None:
         velocity = vector_data(tip_velocity(vehicle, measurement))
         # the first measurement has none before it
@@ -472,10 +472,8 @@ def filter_signals(
         change = (velocity - learned.tip_velocity) * rate
         loads = felt_load(vehicle, measurement, change + E_Z * par.model.gravity)
     share = low_pass_share(par.observer.joints, dt)
-    acted, modelled = (
-        learned.at_measurement().efforts,
-        gains.split_damping(learned.joints)[0],
-    )
+    acted = learned.at_measurement().efforts
+    modelled = gains.split_damping(learned.joints)[0]
     observed = zip(acted, modelled, step.memory.observed.joint_rates, strict=True)
     given = [sub(effort, mul(b, rate)) for effort, b, rate in observed]
     references = [signal.derivative(1) for signal in step.motion.signals[4:]]
@@ -513,12 +511,9 @@ def learn_mass(
 
 def tip_velocity(vehicle: Vehicle, measurement: Measurement) -> Vec3:
     """Measured velocity of the tip (m/s, world axes)."""
-    frame, joints = vehicle.frame(), measurement.joints
-    turning = measurement.rate.cross(frame_pose(vehicle, frame, joints, summed=True).p)
-    columns = jacobian_columns(vehicle, frame, joints, summed=True)
-    for column, rate in zip(columns, measurement.joint_rates, strict=True):
-        turning = turning + column.linear * rate
-    return measurement.velocity + measurement.quaternion.rotation().apply(turning)
+    return levers(vehicle, measurement.rotation, measurement.joints).velocity(
+        measurement.velocity, measurement.rate, measurement.joint_rates
+    )
 
 
 def felt_load(vehicle: Vehicle, measurement: Measurement, proper: Vec3) -> Scalars:
@@ -527,11 +522,9 @@ def felt_load(vehicle: Vehicle, measurement: Measurement, proper: Vec3) -> Scala
     ``proper`` is the measured acceleration of the tip plus g upwards, m/s^2, world
     axes.
     """
-    pull = -measurement.quaternion.rotation().apply_T(proper)
-    columns = jacobian_columns(
-        vehicle, vehicle.frame(), measurement.joints, summed=True
-    )
-    return tuple(column.linear.dot(pull) for column in columns)
+    at = levers(vehicle, measurement.rotation, measurement.joints)
+    pull = -at.R.apply_T(proper)
+    return tuple(column.dot(pull) for column in at.columns)
 
 
 def unit_load(vehicle: Vehicle, planned: Planned) -> Disturbance:

@@ -198,27 +198,24 @@ def tilt_shares(
         for link in vehicle.links
     ):
         return _shares_of_moments(vehicle, level)
-    poses, arm = (
-        link_poses(vehicle, joints, summed=True),
-        derivative(level.tip, 0) - derivative(level.com, 0),
-    )
+    poses = link_poses(vehicle, joints, summed=True)
+    arm = derivative(level.tip, 0) - derivative(level.com, 0)
     directions, columns = axes(vehicle, poses), tip_columns(vehicle, joints, poses)
     ways = []
-    for tilt in (Vec3(0, 1, 0), Vec3(-1, 0, 0)):  # of a thrust along x, and along y
+    # of a thrust along x, and along y
+    for tilt in (Vec3(0, 1, 0), Vec3(-1, 0, 0)):
         way = tilt.cross(arm)
         still = joints_of_turns(
-            vehicle, gains, directions, [-tilt] * vehicle.n, (0.0,) * vehicle.n
+            vehicle, gains, directions, [-tilt] * vehicle.n, vehicle.zeros
         )
         for column, turn in zip(columns, still, strict=True):
             way = way + column * turn
         ways.append(way)
     (ahead, aside), half = ways, -0.5
-    mean, x, y, skew = (
-        ahead.x + aside.y,
-        ahead.x - aside.y,
-        ahead.y + aside.x,
-        ahead.y - aside.x,
-    )
+    mean = ahead.x + aside.y
+    x = ahead.x - aside.y
+    y = ahead.y + aside.x
+    skew = ahead.y - aside.x
     return TiltShares(half * mean, half * x, half * y, half * skew, length=True)
 
 
@@ -324,10 +321,8 @@ def bounded_sweep(
         left = divide(1.0, cosh + b * sinh)
         # of the mean and of the change of the force over the interval, in the place at
         # its end
-        mean, change = (
-            h * h * (0.5 + z * (1.0 / 24.0 + z / 720.0)),
-            h * h * (1.0 / 12.0 + z / 80.0),
-        )
+        mean = h * h * (0.5 + z * (1.0 / 24.0 + z / 720.0))
+        change = h * h * (1.0 / 12.0 + z / 80.0)
         asked, turn = (now.force + then.force) * 0.5, then.force - now.force
         forced = asked * mean - turn * change
         v = (v - forced * b - asked * sinh + turn * ((h / 24.0) * z)) * left
@@ -346,7 +341,8 @@ def coming_thrusts(
     """
     rates, secants = [], []
     for row, here in zip(rows, line, strict=True):
-        speed, per = here.v - y * here.b, divide(1.0, _size(row.lever))
+        speed = here.v - y * here.b
+        per = divide(1.0, _size(row.lever))
         secants.append(_secant(y, per))
         rates.append(y.dot(speed) * (-row.lever * per * per * secants[-1]))
         y = y * here.cosh + speed * here.sinh + here.forced
@@ -432,7 +428,8 @@ def bounded_shift(
             Vec3(*(each[k] for each in sample[:3])) for k in (1, 2)
         )
         rows.append(instant(time, velocity, acceleration, sample[3][0], other))
-    now, still = Vec3(shift.place.x, shift.place.y, 0), gravity - push.z
+    now = Vec3(shift.place.x, shift.place.y, 0)
+    still = gravity - push.z
     floor, sinks = WEAK * gravity, shift.sinking
     up = Taylor(
         (
@@ -441,6 +438,8 @@ def bounded_shift(
             0.5 * (base[4].z + sinks[2]),
         )
     )
+    # in free fall no tilt gives a force to the side, so the thrust is bounded from
+    # below
     up = choose(up > floor, up, floor)
     size = choose(lever > 0.0, lever, -lever)
     size = choose(size > LEAST, size, LEAST)
@@ -459,6 +458,8 @@ def bounded_shift(
     left = shares.left(series, yaw.truncate(2))
     force = [derivative(left, k) for k in range(3)]
     velocity = line[0].v - now * b
+    # one instant alone has no change of the force to sweep over: its rate now stands
+    # for it
     if not ahead:
         velocity = velocity - force[1] * divide(1.0, b * b)
     steep = _secant(now, per0) * up.derivative(0) * per0

@@ -130,6 +130,8 @@ def thrust(
     pull = [_attraction(par, off) + kv.hadamard(ed)]
     force = (wanted[2] + gravity - _soft_limit(pull)) * mass - pushed
     per_mass = divide(1.0, mass)
+    # the error's own derivatives follow from the force that the rotors can give, and
+    # each is needed for the next derivative of the force
     edd = (rotors.achievable([force], R, w) + pushed) * per_mass - gravity - wanted[2]
     off.append(ed)
     pull.append(_attraction(par, off) + kv.hadamard(edd))
@@ -233,6 +235,8 @@ def update_arm_motion(
     """
     top = derivative(com, 4)
     size = divide(sqrt(top.x * top.x + top.y * top.y), gravity)
+    # quick up and slow down: between two reversals of a swing the demand is small for a
+    # moment
     rate = where(size > memory.size, ATTACK, DECAY) * dt
     h = derivative(com, 0)
     return ArmMotion(
@@ -248,6 +252,8 @@ def compensated_motion(memory: ArmMotion, h: list[Vec3]) -> list[Vec3]:
     left = 1.0 - minimum(1.0, divide(ARM_TURN, memory.size + SMALL))
     mean = [memory.mean]
     for each in h[:-1]:
+        # a first-order filter's rate is its gap to the input, so derivatives need no
+        # difference in time
         mean.append((each - mean[-1]) * MEAN)
     return [
         Vec3(a.x - (a.x - m.x) * left, a.y - (a.y - m.y) * left, a.z)

@@ -4,8 +4,8 @@ law.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 
 from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add, divide, maximum, minimum, mul, sqrt, sub, where
@@ -96,11 +96,15 @@ def demands(
     par, state, before = step.par, step.state, step.memory.following
     model, pressing = par.model, effect.pressing
     vehicle, mass = model.vehicle, model.vehicle.mass
-    yaw, joints = effect.signals[3], tuple(effect.signals[4:])
-    R, w = state.quaternion.rotation(), state.rate
+    yaw = effect.signals[3]
+    joints = tuple(effect.signals[4:])
+    R = state.rotation
+    w = state.rate
     course = plan(step, effect, coming)
+    # ints: the accelerations of the joints are what is looked for, and drop out
     now = posture(vehicle, moving(state.joints, state.joint_rates, (0,) * vehicle.n), 2)
-    arm, h = before.arm, [derivative(course.level.com, k) for k in range(5)]
+    arm = before.arm
+    h = [derivative(course.level.com, k) for k in range(5)]
     if arm:
         arm = center_of_mass.update_arm_motion(
             arm, course.level.com, model.gravity, step.dt
@@ -126,9 +130,10 @@ def demands(
         R,
         w,
     )
-    preferred, missed = joint_accelerations(par, state, joints), ZERO3
+    preferred = joint_accelerations(par, state, joints)
+    missed = ZERO3
     if course.goal is not None:
-        present = tip_tasks.Now(
+        present = tip_tasks.PresentMotion(
             R=R,
             rate=w,
             alpha=alpha,
@@ -179,7 +184,7 @@ def demands(
         ),
         missed=missed,
     )
-    return demand, dataclasses.replace(course.following, arm=arm)
+    return demand, replace(course.following, arm=arm)
 
 
 def plan(step: Step, effect: Effect, coming: Foreseen) -> DesiredMotion:
@@ -192,17 +197,20 @@ def plan(step: Step, effect: Effect, coming: Foreseen) -> DesiredMotion:
     model, force_rate, steady = par.model, coming.rate, coming.steady
     vehicle, mass = model.vehicle, model.vehicle.mass
     base = [Vec3(*(signal.derivative(k) for signal in signals[:3])) for k in range(5)]
-    yaw, joints = signals[3], tuple(signals[4:])
+    yaw = signals[3]
+    joints = tuple(signals[4:])
     level = posture(vehicle, joints, 4)
     moves, sideways = par.tip.preview is not None, par.center.sideways
-    answered, after, moved = base, before, list[Vec3]()
+    answered = base
+    after = before
+    moved = list[Vec3]()
     if before.shift:
         drag_rate = hub_drag(vehicle, step.state.rotor_speeds)
         acting = Acting(force=steady, rate=force_rate, drag=drag_rate)
         moved, shift = bounded_shift(
             par, before.shift, base, yaw, joints, level, acting, effect.ahead, dt
         )
-        after = dataclasses.replace(before, shift=shift)
+        after = replace(before, shift=shift)
         answered = [base[0], *(p + u for p, u in zip(base[1:], moved, strict=True))]
     # the planned centre of mass itself says what force it requires
     answered = list(step.motion.center) or answered
@@ -230,7 +238,8 @@ def plan(step: Step, effect: Effect, coming: Foreseen) -> DesiredMotion:
     turned = tip_tasks.turned_joints(
         vehicle, par.tip, goal, still, joints, level, moves
     )
-    upright_posture, level = level, posture(vehicle, turned, 4)
+    upright_posture = level
+    level = posture(vehicle, turned, 4)
     offset = tip_tasks.needed_shift(upright_posture.tip, yaw, level.tip, still)
     if moved:
         offset = [*offset, *moved[2:]]
@@ -337,7 +346,10 @@ def within_limits(
     bounded = []
     for i, (desired, (low, high)) in enumerate(zip(accelerations, ends, strict=True)):
         joint = vehicle.links[i].joint
+        # a hard stop bears what overshoots, so less room is kept from it
         share = WITH_STOP if joint.has_stops else SHARE
+        # the pole that the joint's own loop brakes with: a slower one would bound
+        # ordinary motions
         pole = maximum(0.5 * gains.damping[i], sqrt(gains.stiffness[i]))
         square = pole * pole
         gone = square * state.joints[i] + 2.0 * pole * state.joint_rates[i]

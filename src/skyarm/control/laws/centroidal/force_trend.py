@@ -1,19 +1,25 @@
 """Trend of the observed external force: its rate of change, weighted by how well past
 predictions matched.
 
-A steady turn of the wind can be predicted, turbulence and noise cannot. The rate comes from a second-order tracker,
+A steady turn of the wind can be predicted, turbulence and noise cannot. The rate comes
+from a second-order tracker,
+
     level' = rate + 2 w (d - level),    rate' = w^2 (d - level),
-d the observer's force. Force and rate then pass the same chain of three first-order filters of together ``horizon``
-seconds: horizon late(rate) predicts d - late(d). The slope of the least squares between both, over the last seconds, is
-the trust in the rate: none up to a half, full at 1. Rates as steep as a step's are not trusted. The force that is
-compensated now, and the attitude that turns against it, have the rate times the slope itself: over their short delays
-turbulence is predicted, too.
-Sources: Gao 2003 (poles of the tracker); the slope is the Wiener coefficient of a prediction by one regressor.
+
+d the observer's force. Force and rate then pass the same chain of three first-order
+filters of together ``horizon`` seconds: horizon late(rate) predicts d - late(d). The
+slope of the least squares between both, over the last seconds, is the trust in the
+rate: none up to a half, full at 1. Rates as steep as a step's are not trusted. The
+force that is compensated now, and the attitude that turns against it, have the rate
+times the slope itself: over their short delays turbulence is predicted, too.
+
+Sources: Gao 2003 (poles of the tracker); the slope is the Wiener coefficient of a
+prediction by one regressor.
 """
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 from typing import Annotated
 
 from skyarm.algebra import ZERO3, ZERO3_DATA, Scalar, Vec3
@@ -82,6 +88,7 @@ class TrendGains(OptionalPart):
         rate.
         """
         chain = (ZERO3_DATA,) * STAGES
+        # large at first, so that a few chance agreements do not make a slope
         size = 0.25 * self.steep * self.steep
         return ForceTrend(
             level=ZERO3_DATA,
@@ -137,15 +144,11 @@ def update_trend(
     b = exp(-(gains.bandwidth * dt))
     ahead = memory.level + memory.rate * dt
     miss = force - ahead
-    level, rate = (
-        ahead + miss * (1.0 - b * b),
-        memory.rate + miss * divide((1.0 - b) * (1.0 - b), dt),
-    )
+    level = ahead + miss * (1.0 - b * b)
+    rate = memory.rate + miss * divide((1.0 - b) * (1.0 - b), dt)
     share = 1.0 - exp(-divide(STAGES * dt, gains.horizon))
-    forces, rates = (
-        _advance_delay(memory.forces, force, share),
-        _advance_delay(memory.rates, rate, share),
-    )
+    forces = _advance_delay(memory.forces, force, share)
+    rates = _advance_delay(memory.rates, rate, share)
     change = (force - forces[-1]) * divide(1.0, gains.horizon)
     predicted = rates[-1] * _no_step(gains, change)
     slow = low_pass_share(gains.forget, dt)
@@ -180,10 +183,8 @@ def rate_weights(gains: TrendGains, memory: ForceTrend) -> tuple[Scalar, Scalar]
     second one, for the delays of observer and attitude, a tenth of a second, is the
     slope itself, the least squares of a prediction.
     """
-    slope, even = (
-        divide(memory.agreement, memory.size + gains.noise),
-        _no_step(gains, memory.rate),
-    )
+    slope = divide(memory.agreement, memory.size + gains.noise)
+    even = _no_step(gains, memory.rate)
     far = minimum(maximum((slope - CHANCE) * (1.0 / (1.0 - CHANCE)), 0.0), 1.0)
     return far * even, minimum(maximum(slope, 0.0), 1.0) * even
 
@@ -224,11 +225,9 @@ def foresee(
     ``slow`` is the observed force, slowly filtered, and ``adapted`` that of the
     feed-forward, N, world axes.
     """
-    unknown, steady, gains = (
-        effect.unknown,
-        (slow if par.mode == "tip" else effect.force) + adapted,
-        par.parts.trend,
-    )
+    unknown = effect.unknown
+    steady = (slow if par.mode == "tip" else effect.force) + adapted
+    gains = par.parts.trend
     if not isinstance(gains, TrendGains) or trend is None:
         return Foreseen(
             unknown=unknown,
@@ -236,11 +235,13 @@ def foresee(
             rate=effect.force_rate,
             near_rate=effect.force_rate,
         )
-    late, slope = lateness(par), trend.rate
+    late = lateness(par)
+    slope = trend.rate
+    # an int is structure: without contact parts no force at the tip is told apart
     if type(effect.external) is not int:
         slope = slope * (1.0 - effect.external)
     rate, near = (slope * weight for weight in rate_weights(gains, trend))
-    unknown = dataclasses.replace(unknown, force=unknown.force + near * late)
+    unknown = replace(unknown, force=unknown.force + near * late)
     if par.mode == "tip":
         late = late + divide(1.0, maximum(par.tip.shift_rate, AHEAD))
     ahead = effect.force_rate

@@ -28,8 +28,9 @@ bandwidth is: it is lowered by the same share.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import reduce
 from itertools import accumulate
 from typing import Annotated
 
@@ -184,17 +185,15 @@ class LagGains(OptionalPart):
         lags.
         """
         base, joints = self.shares(memory, dt)
-        own = [link.joint.damping for link in par.model.vehicle.links]
+        own = [joint.damping for joint in par.model.vehicle.joints]
         par = at_shares(
             with_joint_damping(par, [mul(joints, damping) for damping in own]),
             base,
             joints,
         )
         most = par.observer.torque * maximum(1.0, WIDER * memory.obeyed)
-        observer = dataclasses.replace(
-            par.observer, joints=minimum(par.observer.joints, most)
-        )
-        return dataclasses.replace(par, observer=observer)
+        observer = replace(par.observer, joints=minimum(par.observer.joints, most))
+        return replace(par, observer=observer)
 
     def shares(self, memory: LagMemory, dt: Scalar) -> tuple[Scalar, Scalar]:
         """Factors (0 to 1) on rotor and joint loop bandwidths for the lags that
@@ -227,19 +226,15 @@ class LagGains(OptionalPart):
         """
         if self.held:
             return memory
-        update, measurement, free, dt = (
-            step.seen.told,
-            step.measurement,
-            step.memory.free,
-            step.dt,
-        )
+        update = step.seen.corrections
+        measurement = step.measurement
+        free = step.memory.free
+        dt = step.dt
         running = where(step.memory.started > 0.5, 1.0, 0.0)
         rates = (measurement.rate.x, measurement.rate.y, *measurement.joint_rates)
         # the model's answer to what was sent, at the shortest candidate
-        last, sent = (
-            self.stride * self.earlier - step.par.delay_periods - 1,
-            step.timing.past,
-        )
+        last = self.stride * self.earlier - step.par.delay_periods - 1
+        sent = step.timing.past
         _, angular, joints = update.amid.accelerations(
             step.par.model, sent.squares[last], sent.efforts[last]
         )
@@ -285,6 +280,7 @@ class LagGains(OptionalPart):
             for bank, p, pace in groups
         )
         weights = weigh(memory.base)
+        # in the order of `estimate`, so that the program computes this sum once
         inverse = divide(1.0, total(reversed(weights)))
         expected = [
             inner_product(weights, axis) * inverse
@@ -417,7 +413,9 @@ def lag_gains(
     The lags are those that halve the bandwidths of rotor and joint loops.
     """
     base, joints = lags
+    # candidates are whole periods apart: a period longer than the step counts as one
     stride = max(1, round(STEP / control_period))
+    # a whole number of periods times one rounds
     checked = delay_periods * control_period > OVERSTATED - 1e-9
     return LagGains(
         base=base,
@@ -441,7 +439,7 @@ def delay_share(memory: LagMemory) -> Scalar:
 
 def weigh(bank: Bank) -> list[Scalar]:
     """Weight of each candidate lag, its likelihood up to a common factor."""
-    least = _least(bank.paid)
+    least = reduce(minimum, bank.paid)
     inverse = divide(0.125 * SHARPNESS, least + PRIOR)
     start = 1.0 - least * inverse
     weights = []
@@ -463,14 +461,6 @@ def estimate(bank: Bank, step: Scalar, earlier: int = 0) -> Scalar:
         divide(total(above[:-1]), above[-1]),
         structural(-float(earlier)) if earlier else 0,
     )
-
-
-def _least(paid: Sequence[Scalar]) -> Scalar:
-    """Smallest penalised mean residual of the candidate lags."""
-    least = paid[0]
-    for each in paid[1:]:
-        least = minimum(least, each)
-    return least
 
 
 def _in_row(
@@ -516,7 +506,8 @@ def _bank(
     paid = [
         old + keep * (add(divide(e, e + half), price) - old) for old, e, price in rows
     ]
-    most = _least(paid) + LEAD
+    # evidence that could grow on would take as long to be overturned as it took to grow
+    most = reduce(minimum, paid) + LEAD
     return Bank(
         paid=tuple(minimum(each, most) for each in paid),
         scale=bank.scale + passed * (size - bank.scale),

@@ -3,24 +3,24 @@
 Each step is a function of the records before it, and none of these is changed:
 
 1. when the command acts, by the lag that was found; 2. the held reference continued
-  until then, with its preview;
-3. gains by lag and noise; 4. the observer's state at the (possibly old) measurement; 5.
-the state predicted from it, and what a tip in contact changes: reference, compensated
-force, adaptation; 6. the force as it will be, by its weighted rate; 7. attitude and 8.
-links of the plan without errors; 9. the force that the centre of mass requires; 10. the
-attitude of this force; 11. joint accelerations, of the joints' references or of tip and
-links; 12. commands by the inverse dynamics of an underactuated base: the real thrust
-goes in, the base's acceleration comes out; 13. adaptation of lag, noise, load and
-friction. The numbers are those of ``docs/centroidal_law_specification.md``.
+until then, with its preview; 3. gains by lag and noise; 4. the observer's state at the
+(possibly old) measurement; 5. the state predicted from it, and what a tip in contact
+changes: reference, compensated force, adaptation; 6. the force as it will be, by its
+weighted rate; 7. attitude and 8. links of the plan without errors; 9. the force that
+the centre of mass requires; 10. the attitude of this force; 11. joint accelerations, of
+the joints' references or of tip and links; 12. commands by the inverse dynamics of an
+underactuated base: the real thrust goes in, the base's acceleration comes out; 13.
+adaptation of lag, noise, load and friction. The numbers are those of
+``docs/centroidal_law_specification.md``.
 
 Sources: Lee, Leok, McClamroch 2010; Gao 2003; the parts cite their own.
 """
 
 from __future__ import annotations
 
-import dataclasses
-import functools
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import reduce
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
@@ -58,9 +58,8 @@ from skyarm.control.laws.centroidal.step_records import (
 from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.leaves import Tree
-from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.reference.preview import Sample, samples, samples_ahead
@@ -78,7 +77,7 @@ class PartMemories:
     interaction: Tree = ()
     admittance: Tree = ()
     load: Tree = ()
-    carrying: Tree = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
+    carrying: Tree = field_if_any(default=())
     trend: Any = ()
     adaptation: Any = ()
 
@@ -122,13 +121,11 @@ class CentroidalMemory:
     def after_start(self) -> CentroidalMemory:
         """Internal state in which the gentle start of the gains is over."""
         lag = self.parts.lag
-        if lag is None:
+        if not lag:
             return self
-        return dataclasses.replace(
+        return replace(
             self,
-            parts=dataclasses.replace(
-                self.parts, lag=dataclasses.replace(lag, count=float("inf"))
-            ),
+            parts=replace(self.parts, lag=replace(lag, count=float("inf"))),
         )
 
 
@@ -143,14 +140,10 @@ def centroidal(
     """One control step of the centroidal law: computed torque on the centre of mass
     with a disturbance observer.
     """
-    par = dataclasses.replace(
-        par, model=with_held_damping(par.model, par.mobilities, dt)
-    )
-    part_memories, touching, vehicle = (
-        memory.parts,
-        par.parts.touching(),
-        par.model.vehicle,
-    )
+    par = replace(par, model=with_held_damping(par.model, par.mobilities, dt))
+    part_memories = memory.parts
+    touching = par.parts.touching()
+    vehicle = par.model.vehicle
     timing = time_of_action(par, memory, dt)
     motion, channels, age = continue_reference(par, memory, reference, timing.lead, dt)
     par = gains_of_now(par, memory, measurement, timing.lead, dt)
@@ -181,6 +174,7 @@ def centroidal(
         memories["trend"] = update_trend(
             par.parts.trend, part_memories.trend, seen.observed.force, dt
         )
+    # the base shifts for what lasts: a gust is over before the base has moved
     slow = low_pass(memory.slow_force, effect.force, par.tip.shift_rate, dt)
     coming = foresee(par, memories.get("trend"), effect, slow, adapted.force)
     demand, shifted = demands(step, effect, coming)
@@ -231,10 +225,12 @@ def time_of_action(
     """Delay of this step's command, and modelled rotor speeds and joint efforts before
     the measurement.
     """
-    lag, past = par.parts.lag, memory.past.after(par.model, memory.sent, dt)
+    lag = par.parts.lag
+    past = memory.past.after(par.model, memory.sent, dt)
     late = lag.delay(memory.parts.lag, dt) if isinstance(lag, LagGains) else 0
     age = divide(late, dt) + float(par.delay_periods)
     lead = add(late, dt * float(par.lead_periods)) if par.lead_periods else late
+    # the lag is negative where the known delay is too long, and no reference goes back
     if par.delay_periods:
         lead = maximum(lead, 0.0)
     return Timing(late=late, lead=lead, age=age, past=past, acted=past.period(age))
@@ -299,10 +295,10 @@ def gains_of_now(
     """Constants of the law for one step, adapted to estimated lag, noise and load, and
     to an observed upward force.
     """
+    # zeros known before compilation: nothing measures it, so the program has no such
+    # filter
     if all(same(each, 0) for each in measurement.specific_force):
-        par = dataclasses.replace(
-            par, observer=dataclasses.replace(par.observer, accelerometer=None)
-        )
+        par = replace(par, observer=replace(par.observer, accelerometer=None))
     for name, part in par.parts.present():
         par = part.adjust_gains(getattr(memory.parts, name), par, dt)
     return (
@@ -338,12 +334,15 @@ def see(
         memory.free,
         dt,
     )
-    alone, R = disturbance(observed) + adapted[1], observed.quaternion.rotation()
+    alone = disturbance(observed) + adapted[1]
+    R = observed.quaternion.rotation()
     across = par.center.sideways is not None
     unknown = with_side(
         model, alone, R, observed.rotor_speeds, observed.velocity, observed.rate, across
     )
-    return ObserverOutput(observed=observed, told=update, alone=alone, unknown=unknown)
+    return ObserverOutput(
+        observed=observed, corrections=update, alone=alone, unknown=unknown
+    )
 
 
 def present(
@@ -355,7 +354,9 @@ def present(
     That is now, after the measurement's delay, and later by a delay of the commands
     that is found in flight.
     """
-    state, sideways = seen.observed.state(), par.center.sideways is not None
+    state = seen.observed.state()
+    sideways = par.center.sideways is not None
+    # neither a known nor an estimated delay: the measured state is that of now
     if type(timing.late) is int and not par.delay_periods:
         return state
     done = timing.past.since(timing.age)
@@ -390,4 +391,4 @@ def feedforward(
         for name, part in par.parts.present()
     ]
     given = [row for row in rows if row is not None] or [(none, none)]
-    return functools.reduce(lambda a, b: (a[0] + b[0], a[1] + b[1]), given)
+    return reduce(lambda a, b: (a[0] + b[0], a[1] + b[1]), given)

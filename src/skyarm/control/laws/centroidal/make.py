@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import Any, TypeVar
+from typing import Any
 
 from skyarm import dynamics
 from skyarm.algebra import ZERO3_DATA, Vec3
@@ -66,8 +65,6 @@ ENTRIES = options.ENTRIES
 
 __all__ = ["ENTRIES", "make_centroidal"]
 
-Value = TypeVar("Value")
-
 YAW_SLACK = 5.0
 """Largest yaw acceleration error (rad/s^2) that keeping the thrust may cause, with the
 joints at zero."""
@@ -112,7 +109,8 @@ def make_centroidal(
     sideways = sideways_part(gains)
     must_be_whole(gains)
     presses, carries = any(gains["interaction"]), bool(gains["load"])
-    periods, whole = periods_of(delay, control_period), model
+    periods = periods_of(delay, control_period)
+    whole = model
     turns_rotors = sideways is not None and bool(model.vehicle.tilts)
     model = pairs_model(model) if turns_rotors else model
     vehicle, leads = model.vehicle, mode == "tip" and model.vehicle.n > 0
@@ -144,13 +142,19 @@ def make_centroidal(
     ahead = 0 if age is None else periods - periods_of(age, control_period, "age")
     if ahead < 0:
         refuse("age", age, f"at most delay, {delay:g} s")
+    force, torque, joints, pose = gains["observer"]
     # the observer finds a force late by its two poles and the known delay
     lead = periods * control_period + 2.0 / max(
-        gains["observer"][2] * gains["bandwidth"], 1.0
+        # an observer that is nearly off would give a lead of seconds
+        joints * gains["bandwidth"],
+        1.0,
     )
     published = number_within("reference_period", reference_period, *PERIODS)
     kp, kv, kr, kw = gains["base"]
     yaw_kr, yaw_kw = gains["yaw"]
+    stiffness, damping = gains["arm"]
+    tip_kp, tip_kd = gains["tip"]
+    heard, velocity = gains["accelerometer"]
     mobilities = joint_mobilities(vehicle, control_period)
     ends, hears = ends_of(vehicle), any(gains["accelerometer"])
     # whatever has no limit turns as far as its arm buckles; what presses on purpose is
@@ -172,20 +176,23 @@ def make_centroidal(
         ),
         center=CenterGains(
             tilt=gains["tilt"],
+            # the attitude is that of this force, which must not vanish without gravity
+            # either
             floor=0.15 * vehicle.mass * model.gravity + 1e-3,
             sideways=sideways,
         ),
         joint_gains=JointGains(
-            **_row("stiffness damping", ((each,) * vehicle.n for each in gains["arm"]))
+            stiffness=(stiffness,) * vehicle.n, damping=(damping,) * vehicle.n
         ),
         joint_ends=ends,
         braces=loose and bool(vehicle.end_effector) and not presses,
         tip=TipGains(
-            **_row("position velocity", gains["tip"]),
-            **{
-                name: gains[name]
-                for name in ("reach", "damping", "posture", "shift_rate")
-            },
+            position=tip_kp,
+            velocity=tip_kd,
+            reach=gains["reach"],
+            damping=gains["damping"],
+            posture=gains["posture"],
+            shift_rate=gains["shift_rate"],
             preview=preview_of(
                 gains,
                 mode,
@@ -194,11 +201,12 @@ def make_centroidal(
             ),
         ),
         observer=ObserverGains(
-            **_row("force torque joints pose", gains["observer"]),
+            force=force,
+            torque=torque,
+            joints=joints,
+            pose=pose,
             accelerometer=(
-                AccelerometerGains(**_row("force velocity", gains["accelerometer"]))
-                if hears
-                else None
+                AccelerometerGains(force=heard, velocity=velocity) if hears else None
             ),
         ),
         delay_periods=periods,
@@ -224,7 +232,7 @@ def make_centroidal(
                 0.0 if carries else gains["adaptation"],
                 most,
                 periods,
-                gains["arm"][1],
+                damping,
                 doubted_dampings(vehicle, mobilities, control_period),
             ),
         ),
@@ -246,18 +254,10 @@ def ends_of(vehicle: Vehicle) -> tuple[tuple[bool, bool], ...]:
     """Two flags for each joint of a vehicle: True if it has a lower limit, True if it
     has an upper one.
     """
-    joints = (link.joint for link in vehicle.links)
     return tuple(
         (math.isfinite(float(joint.lower)), math.isfinite(float(joint.upper)))
-        for joint in joints
+        for joint in vehicle.joints
     )
-
-
-def _row(names: str, values: Iterable[Value]) -> dict[str, Value]:
-    """Values of gains by name, of gains whose names stand in one text, separated by
-    spaces.
-    """
-    return dict(zip(names.split(), values, strict=True))
 
 
 def _mixer(vehicle: Vehicle, sideways: bool) -> Mixer:

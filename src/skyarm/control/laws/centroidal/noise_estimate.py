@@ -18,7 +18,7 @@ Sources: Mehra 1970 (noise from the innovations' autocovariance); Kalman, Bucy 1
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 from typing import Annotated
 
 from skyarm.algebra import ZERO3_DATA, Scalar, Vec3
@@ -88,6 +88,8 @@ class White:
         the residual ``left``.
         """
         most = GROWTH * (maximum(self.variance, 0.0) + divide(density * density, dt))
+        # a mean over three axes; what lasts longer than a period makes it negative, so
+        # it is bounded on both sides
         variance = clip(change.dot(self.change) * (-1.0 / 3.0), -most, most)
         return White(
             last=vector_data(left),
@@ -142,16 +144,14 @@ class NoiseGains(OptionalPart):
             ratio = divide(calm, share)
             pole = clip(heard.velocity * (ratio * ratio), SLOWEST, QUICKEST)
             agreement = divide(heard.agreement, calm * calm)
-            heard = dataclasses.replace(
+            heard = replace(
                 heard, force=heard.force * share, velocity=pole, agreement=agreement
             )
         force = observer.force * seen.share(self.density, dt)
         # noise is no blow
         jump = sqrt(maximum(observer.jump * observer.jump, DEVIATIONS * seen.variance))
-        observer = dataclasses.replace(
-            observer, force=force, accelerometer=heard, jump=jump
-        )
-        return dataclasses.replace(par, observer=observer)
+        observer = replace(observer, force=force, accelerometer=heard, jump=jump)
+        return replace(par, observer=observer)
 
     def after(
         self, memory: NoiseMemory, seen: ObserverOutput, velocity: Vec3, dt: Scalar
@@ -159,13 +159,11 @@ class NoiseGains(OptionalPart):
         """Noise estimates one control period later, from the measured velocity and the
         observer's output.
         """
-        update, noise = seen.told, memory.accelerometer
+        update, noise = seen.corrections, memory.accelerometer
         if noise and update.beside:
             noise = noise.after(update.beside - noise.last, update.beside, FELT, dt)
-        change, left = (
-            update.innovation - memory.velocity.last,
-            (velocity - seen.observed.velocity) * update.known,
-        )
+        change = update.innovation - memory.velocity.last
+        left = (velocity - seen.observed.velocity) * update.known
         return NoiseMemory(
             velocity=memory.velocity.after(change, left, self.density, dt),
             accelerometer=noise,

@@ -87,7 +87,8 @@ def arm_length(vehicle: Vehicle) -> float:
     joints are at zero.
     """
     frame = vehicle.frame()
-    total, index = math.hypot(*map(float, frame.position)), frame.link
+    total = math.hypot(*map(float, frame.position))
+    index = frame.link
     while index != BASE and vehicle.moving[index].parent != BASE:
         total += math.hypot(*map(float, vehicle.moving[index].joint.position))
         index = vehicle.moving[index].parent
@@ -122,21 +123,15 @@ def fit_gains(
             for name in ("damping", "preview")
         }
         if not presses:
-            fitted["tip"] = (
-                gains["tip"][0],
-                gains["tip"][1] * tip_damping_share(vehicle),
-            )
+            kp, kd = gains["tip"]
+            kd *= tip_damping_share(vehicle)
             if not carries:
-                light, (force, torque, joints, pose) = (
-                    tip_lightness(vehicle),
-                    gains["observer"],
-                )
-                fitted["tip"] = (
-                    fitted["tip"][0] / min(light, LIGHTEST),
-                    fitted["tip"][1],
-                )
+                light = tip_lightness(vehicle)
+                kp /= min(light, LIGHTEST)
+                force, torque, joints, pose = gains["observer"]
                 fitted["observer"] = force, torque, joints * min(light, QUICKEST), pose
                 fitted["reach"] = min(gains["reach"], slide_room(vehicle))
+            fitted["tip"] = kp, kd
     return {name: value for name, value in fitted.items() if name not in given}
 
 
@@ -153,9 +148,11 @@ def preview_of(
             to be late.
         given: whether the user has set it.
     """
-    preview, least = gains["preview"], late / SHARES[0]
+    preview = gains["preview"]
+    least = late / SHARES[0]
     if mode != "tip" or not preview:
         return None
+    # equal but for rounding is enough
     if preview < least * (1.0 - 1e-9):
         if given:
             refuse(
@@ -164,6 +161,8 @@ def preview_of(
                 f"0, or {1.0 / SHARES[0]:g} periods of the reference at least,"
                 f" {least:g} s",
             )
+        # a preview longer than the option allows is not made up: the law flies without
+        # one
         return least if least <= OPTIONS["preview"][2] else None
     return float(preview)
 
@@ -270,7 +269,8 @@ def check_entry(name: str, value: Any) -> float | tuple[float, ...]:
         raise ControllerError(
             f"controller.{name}: {must_be_one_of(sorted(ENTRIES), name)}"
         )
-    example, limits = VALUES[name], RANGES.get(name, (0.0, math.inf))
+    example = VALUES[name]
+    limits = RANGES.get(name, (0.0, math.inf))
     if type(example) is bool:
         return value if type(value) is bool else refuse(name, value, "true or false")
     if type(example) is not tuple:
@@ -298,6 +298,7 @@ def periods_of(delay: Any, control_period: Any, name: str = "delay") -> int:
     period = number_within("control_period", control_period, *PERIODS)
     seconds = number_within(name, delay, 0.0, OLDEST * period * (1.0 + 1e-9))
     periods = round(seconds / period)
+    # the quotient rounds, and a nanosecond is no delay
     if abs(periods * period - seconds) > 1e-9:
         refuse(
             name,

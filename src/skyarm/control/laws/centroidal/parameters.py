@@ -7,8 +7,8 @@ law's program at all. Nothing that a part is given is changed.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, Any, TypeVar
 
 from skyarm.algebra import Scalar, Scalars, Vec3
@@ -29,9 +29,8 @@ from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Mixer
 from skyarm.dynamics.kinematics import jacobian_columns
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.leaves import Dataclass, parts
-from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -217,9 +216,7 @@ class Parts:
     interaction: OptionalPart | None = None
     admittance: OptionalPart | None = None
     load: OptionalPart | None = None
-    carrying: OptionalPart | None = dataclasses.field(
-        default=None, metadata=WRITTEN_IF_ANY
-    )
+    carrying: OptionalPart | None = field_if_any(default=None)
     trend: OptionalPart | None = None
     adaptation: OptionalPart | None = None
 
@@ -280,22 +277,18 @@ class CentroidalParameters:
         """Mobilities and doubted damping of the law, after a change of its ``model``;
         ``control_period`` in s.
         """
-        vehicle, mobilities = (
-            model.vehicle,
-            joint_mobilities(model.vehicle, control_period),
-        )
-        par = dataclasses.replace(self, mobilities=mobilities)
+        vehicle = model.vehicle
+        mobilities = joint_mobilities(model.vehicle, control_period)
+        par = replace(self, mobilities=mobilities)
         gains: Any = self.parts.adaptation
         if gains is None:
             return par, memory
         gains = gains.doubting(
             vehicle, doubted_dampings(vehicle, mobilities, control_period)
         )
-        begun = dataclasses.replace(memory.parts, adaptation=gains.start(vehicle.n))
-        parts = dataclasses.replace(self.parts, adaptation=gains)
-        return dataclasses.replace(par, parts=parts), dataclasses.replace(
-            memory, parts=begun
-        )
+        begun = replace(memory.parts, adaptation=gains.start(vehicle.n))
+        parts = replace(self.parts, adaptation=gains)
+        return replace(par, parts=parts), replace(memory, parts=begun)
 
     @property
     def preview(self) -> Scalars:
@@ -355,10 +348,10 @@ def at_shares(
     once, twice = rotors * rotors, joints * joints
     observer = _times(par.observer, force=rotors, torque=rotors, joints=joints)
     if observer.accelerometer is not None:
-        observer = dataclasses.replace(
+        observer = replace(
             observer, accelerometer=_times(observer.accelerometer, force=rotors)
         )
-    return dataclasses.replace(
+    return replace(
         par,
         base=_times(
             par.base, position=once, velocity=rotors, attitude=once, rate=rotors
@@ -377,15 +370,11 @@ def with_joint_damping(
     """
     vehicle = par.model.vehicle
     links = tuple(
-        dataclasses.replace(
-            link, joint=dataclasses.replace(link.joint, damping=damping)
-        )
+        replace(link, joint=replace(link.joint, damping=damping))
         for link, damping in zip(vehicle.links, dampings, strict=True)
     )
-    model = dataclasses.replace(
-        par.model, vehicle=dataclasses.replace(vehicle, links=links)
-    )
-    return dataclasses.replace(par, model=model)
+    model = replace(par.model, vehicle=replace(vehicle, links=links))
+    return replace(par, model=model)
 
 
 def brace_joints(
@@ -426,7 +415,7 @@ def brace_joints(
         if par.observer.accelerometer is None
         else _times(par.observer, joints=quicker)
     )
-    return dataclasses.replace(
+    return replace(
         par,
         joint_gains=_times(par.joint_gains, stiffness=stiffness, damping=damping),
         tip=_times(par.tip, position=stiffness, velocity=damping),
@@ -445,4 +434,4 @@ def _times(gains: Gains, **shares: Scalar) -> Gains:
         )
         for name, share in shares.items()
     }
-    return dataclasses.replace(gains, **scaled)
+    return replace(gains, **scaled)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Protocol
 
 from skyarm.algebra import E_Z, ZERO3, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import maximum, mul
 from skyarm.algebra.scalars.taylor import Taylor
-from skyarm.control.blocks.disturbance_observer import Observed, Told
+from skyarm.control.blocks.disturbance_observer import Observed, ObserverCorrections
 from skyarm.control.blocks.force_control import Pressing
 from skyarm.control.blocks.late_actuators import Past
 from skyarm.control.blocks.prediction import Actuation, Disturbance
@@ -60,14 +60,14 @@ class ObserverOutput:
     of the prediction.
 
     Attributes:
-        observed: observer state at the measurement's time. told: its correction of the
-            model by that measurement.
+        observed: observer state at the measurement's time. corrections: its
+            corrections of the model by that measurement.
         alone: observed disturbance with the adapted feed-forward. unknown: the same
             with what the mixer omits.
     """
 
     observed: Observed
-    told: Told
+    corrections: ObserverCorrections
     alone: Disturbance
     unknown: Disturbance
 
@@ -111,9 +111,7 @@ class Effect:
         ``never`` is 1 where none was there in this flight: the lag is estimated.
         """
         isolated = mul(self.isolated, maximum(share, never))
-        return dataclasses.replace(
-            self, learns=mul(self.learns, share), isolated=isolated
-        )
+        return replace(self, learns=mul(self.learns, share), isolated=isolated)
 
 
 class RotorForce:

@@ -16,8 +16,8 @@ Source: Wampler 1986, Nakamura, Hanafusa 1986 (damped least squares); Umetani, Y
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 
 from skyarm.algebra import ZERO3, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add, cos, divide, mul, sin, total
@@ -72,11 +72,7 @@ def goal(
     """
     yaw = yaw.truncate(2)
     arm = turn_by_yaw(yaw, level.tip)
-    tip = (
-        base[0] + derivative(arm, 0),
-        base[1] + derivative(arm, 1),
-        base[2] + derivative(arm, 2),
-    )
+    p, v, a = (base[k] + derivative(arm, k) for k in range(3))
     spin = Vec3(0, 0, yaw.derivative_series())
     rates: list[Vec3] = []
     links = []
@@ -91,7 +87,7 @@ def goal(
             rate = Vec3(*(add(a, b * slope) for a, b in zip(rate, along, strict=True)))
         rates.append(rate)
     return TipGoal(
-        tip,
+        (p, v, a),
         tuple(links),
         tuple(derivative(rate, 0) for rate in rates),
         tuple(derivative(rate, 1) for rate in rates),
@@ -110,7 +106,7 @@ def move_goal(goal: TipGoal, error: Sequence[Vec3], reach: Scalar) -> TipGoal:
     fourth = square * square * divide(1.0, reach * reach * reach * reach)
     moved = series * (fourth / (fourth + 1.0))
     p, v, a = (old + derivative(moved, k) for k, old in enumerate(goal.tip))
-    return dataclasses.replace(goal, tip=(p, v, a))
+    return replace(goal, tip=(p, v, a))
 
 
 def release_normal(
@@ -125,7 +121,7 @@ def release_normal(
     """
     p, v, a = goal.tip
     n, slower = pressing.n, 1.0 - pressing.damping / velocity_gain
-    return dataclasses.replace(
+    return replace(
         goal,
         tip=(
             p + n * (n.dot(tip - p) * pressing.share),
@@ -225,10 +221,8 @@ def tip_columns(
     """Jacobian of the tip against the centre of mass, one column per joint, base axes;
     ``poses`` are of the links.
     """
-    columns, share = (
-        jacobian_columns(vehicle, vehicle.frame(), joints, summed=True),
-        divide(1.0, vehicle.mass),
-    )
+    columns = jacobian_columns(vehicle, vehicle.frame(), joints, summed=True)
+    share = divide(1.0, vehicle.mass)
     return [
         a.linear - b * share
         for a, b in zip(columns, com_columns(vehicle, poses), strict=True)
@@ -243,9 +237,7 @@ def level_joints(
     """
     pairs = zip(poses[: vehicle.n], wanted.links, strict=True)
     errors = [orientation_error(pose.R, R.T @ link) for pose, link in pairs]
-    return joints_of_turns(
-        vehicle, gains, axes(vehicle, poses), errors, (0.0,) * vehicle.n
-    )
+    return joints_of_turns(vehicle, gains, axes(vehicle, poses), errors, vehicle.zeros)
 
 
 def level_motion(
@@ -254,23 +246,25 @@ def level_motion(
     wanted: TipGoal,
     still: DesiredAttitude,
     poses: Sequence[Pose],
-    told: Sequence[Sequence[Scalar]],
+    references: Sequence[Sequence[Scalar]],
 ) -> tuple[Scalars, Scalars]:
     """Joint rates and accelerations that keep the links moving as on a level base while
     the base turns.
 
-    ``poses`` are of the links turned so; ``told`` rates and accelerations of the
-    joints' references, for the rest.
+    ``poses`` are of the links turned so; ``references`` are rates and
+    accelerations of the joints' references, for the rest.
     """
-    directions, R, w = axes(vehicle, poses), still.R, still.rate
+    directions = axes(vehicle, poses)
+    R = still.R
+    w = still.rate
     turns = [R.apply_T(each) - w for each in wanted.rates]
-    rates = joints_of_turns(vehicle, gains, directions, turns, told[0])
+    rates = joints_of_turns(vehicle, gains, directions, turns, references[0])
     links = link_turning(vehicle, directions, rates, w, still.acceleration)
     bends = [
         R.apply_T(each) - bias
         for each, (_, bias) in zip(wanted.accelerations, links, strict=True)
     ]
-    return rates, joints_of_turns(vehicle, gains, directions, bends, told[1])
+    return rates, joints_of_turns(vehicle, gains, directions, bends, references[1])
 
 
 def turned_joints(
@@ -289,6 +283,8 @@ def turned_joints(
         Pose(Mat3(*(derivative(row, 0) for row in pose.R.rows)), ZERO3)
         for pose in level.links
     ]
+    # one Newton step from the level pose: tilts are small, and nothing iterates in
+    # flight
     change = level_joints(vehicle, gains, goal, still.R, poses)
     if not moving:
         return tuple(q + c for q, c in zip(joints, change, strict=True))
@@ -347,7 +343,7 @@ def plan_weight(
 
 
 @immutable
-class Now:
+class PresentMotion:
     """Present motion of the vehicle: attitude, body rate, joints, posture and tip.
 
     Attributes:
@@ -373,7 +369,7 @@ def joint_accelerations(
     vehicle: Vehicle,
     gains: TipGains,
     wanted: TipGoal,
-    now: Now,
+    now: PresentMotion,
     preferred: Sequence[Scalar],
     links: Sequence[Scalar] = (),
 ) -> Scalars:
@@ -400,6 +396,7 @@ def joint_accelerations(
     carriers = chain(vehicle, vehicle.frame().link)
     for i in (i for i in range(vehicle.n) if i not in carriers):
         asked, against[i] = asked - against[i] * preferred[i], ZERO3
+    # the unit of the weights: what the tip needs comes first
     problem.require(against, asked, 1)
     directions = axes(vehicle, poses)
     errors = [
@@ -412,10 +409,8 @@ def joint_accelerations(
     ):
         error = errors[i]
         calm = links[i] if links else 1
-        velocity, position = (
-            mul(gains.velocity, calm),
-            mul(gains.position, mul(calm, calm)),
-        )
+        velocity = mul(gains.velocity, calm)
+        position = mul(gains.position, mul(calm, calm))
         turn = (
             R.apply_T(wanted.accelerations[i] + wanted.rates[i] * velocity)
             + error * position

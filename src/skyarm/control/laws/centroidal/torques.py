@@ -56,7 +56,7 @@ def needed(
         qd,
         applied=E_Z * demand.thrust
         + demand.across
-        + state.quaternion.rotation().apply_T(unknown.force),
+        + state.rotation.apply_T(unknown.force),
         angular=demand.alpha,
         joint_accelerations=demand.joints,
     )
@@ -69,7 +69,7 @@ def needed(
 
 
 @immutable
-class Done:
+class ActuatorOutput:
     """Result of one control step: command, flags of unsaturated actuators, and rotor
     trim.
 
@@ -84,7 +84,9 @@ class Done:
     trim: Scalars
 
 
-def actuate(step: Step, unknown: Disturbance, demand: AccelerationDemand) -> Done:
+def actuate(
+    step: Step, unknown: Disturbance, demand: AccelerationDemand
+) -> ActuatorOutput:
     """Rotor and joint commands for the demanded thrust and accelerations.
 
     Motors that slow down later than they speed up lose thrust under noise: the trim
@@ -96,7 +98,7 @@ def actuate(step: Step, unknown: Disturbance, demand: AccelerationDemand) -> Don
     par, state, dt, trim = step.par, step.state, step.dt, step.memory.trim
     model = par.model
     torque, efforts = needed(model, state, demand, unknown)
-    limits = [link.joint.effort_limit for link in model.vehicle.links]
+    limits = [joint.effort_limit for joint in model.vehicle.joints]
     limited = tuple(
         clip(data(effort), -limit, limit)
         for effort, limit in zip(efforts, limits, strict=True)
@@ -124,7 +126,7 @@ def actuate(step: Step, unknown: Disturbance, demand: AccelerationDemand) -> Don
     command = Command(rotor_speeds=speeds, efforts=limited)
     reached = motor_speeds(model, state.rotor_speeds, command, dt)
     rate = where(logical_and(inside, step.memory.applied[0] > 0.5), TRIM_RATE * dt, 0.0)
-    return Done(
+    return ActuatorOutput(
         command=command,
         free=(
             where(inside, 1.0, 0.0),

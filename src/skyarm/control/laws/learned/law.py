@@ -29,7 +29,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from skyarm.algebra import E_Z, ZERO3, Force, Motion, Scalar, Scalars, Vec3, differences
+from skyarm.algebra import E_Z, Motion, Scalar, Scalars, Vec3, differences
 from skyarm.algebra.scalars import add, clip, divide, mul, sub, tanh, where
 from skyarm.control.blocks.common import (
     coupled_forces,
@@ -39,12 +39,13 @@ from skyarm.control.blocks.common import (
     wanted_specific_force,
 )
 from skyarm.control.blocks.filters import low_pass
+from skyarm.control.blocks.prediction import calm_wrench
 from skyarm.control.blocks.select import choose_each
 from skyarm.control.controller import ControllerError
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import Model, Parameters
-from skyarm.dynamics.actuators import Command, rotor_force
+from skyarm.dynamics.actuators import Command
 from skyarm.records.coerce import concrete
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
@@ -168,6 +169,7 @@ def unlike(vehicle: Vehicle, training: Training) -> str:
     empty if equal or unknown.
     """
     recorded = training.get("numbers", {})
+    # numbers that vary from flight to flight are of no one vehicle to compare
     if not concrete(
         *(body.mass for body in vehicle.bodies),
         *(c for joint in vehicle.joints for c in joint.position),
@@ -175,6 +177,7 @@ def unlike(vehicle: Vehicle, training: Training) -> str:
         return ""
     for name, there in numbers_of(vehicle).items():
         trained = recorded.get(name, there)
+        # a place may have zeros, of which a relative slack is none
         slack = SEEN * max(map(abs, trained), default=0.0) if name == "places" else 0.0
         if len(there) != len(trained) or not np.allclose(
             there, trained, rtol=SEEN, atol=slack
@@ -294,16 +297,12 @@ def with_command(
     vehicle: Vehicle, history: History, command: Command, dt: Scalar
 ) -> History:
     """History of network inputs updated by the last command."""
-    pushed = Force(ZERO3, ZERO3)
-    for rotor, speed in zip(vehicle.rotors, command.rotor_speeds, strict=True):
-        pushed = pushed + rotor_force(rotor, speed, ZERO3)
-    begun, sent = (
-        history.started > 0.5,
-        (
-            *pushed.force,
-            *pushed.torque,
-            *command.efforts,
-        ),
+    pushed = calm_wrench(vehicle, command.rotor_speeds)
+    begun = history.started > 0.5
+    sent = (
+        *pushed.force,
+        *pushed.torque,
+        *command.efforts,
     )
     after = _filter_values(history.commanded < 0.5, history.commands, sent, dt)
     return replace(

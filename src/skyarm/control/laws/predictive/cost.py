@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3, differences
 from skyarm.algebra.scalars import cos, divide, mul, sin, sub
 from skyarm.control.blocks.attitude import derivative, moving, posture
 from skyarm.control.blocks.prediction import Disturbance
@@ -109,13 +109,10 @@ def under_contact(
             )
         )
 
+    # the acceleration is affine in the force, so two evaluations give the whole line
     free, moved = along(disturbance), along(disturbance + unit)
-    force = (
-        divide(
-            -contact.damping * n.dot(tip_velocity(model, state)) - free, moved - free
-        )
-        * contact.touching
-    )
+    damped = -contact.damping * n.dot(tip_velocity(model, state))
+    force = divide(damped - free, moved - free) * contact.touching
     pressed = Disturbance(
         force=disturbance.force + unit.force * force,
         torque=disturbance.torque + unit.torque * force,
@@ -310,14 +307,7 @@ def state_residuals(
     ahead = R.column(0)
     residuals.append(weights.heading * (c * ahead.y - s * ahead.x))
     residuals += [*(state.rate * weights.rate)]
-    residuals += [
-        mul(sub(q, q_d), weights.joints)
-        for q, q_d in zip(state.joints, joints, strict=True)
-    ]
-    residuals += [
-        mul(sub(a, b), weights.joint_rates)
-        for a, b in zip(state.joint_rates, goal.joint_rates, strict=True)
-    ]
+    residuals += _joint_residuals(weights, state, joints, goal.joint_rates)
     if mode == "tool" and vehicle.end_effector:
         frame = vehicle.frame()
         tip = state.position + R.apply(frame_pose(vehicle, frame, state.joints).p)
@@ -338,21 +328,13 @@ def planned_residuals(
     """Weighted errors of a predicted vehicle state against a planned one."""
     vehicle, R = model.vehicle, state.rotation
     turned = planned.attitude.conjugate() * state.quaternion
+    # times w, so that both signs of the quaternion give one error
     turn = Vec3(turned.x, turned.y, turned.z) * (2.0 * turned.w)
     residuals = [*((state.position - goal.position) * weights.position)]
     residuals += [*((state.velocity - goal.velocity) * weights.velocity)]
-    residuals += [
-        *(turn * weights.heading),
-        *((state.rate - planned.rate) * weights.rate),
-    ]
-    residuals += [
-        mul(sub(q, q_d), weights.joints)
-        for q, q_d in zip(state.joints, goal.joints, strict=True)
-    ]
-    residuals += [
-        mul(sub(a, b), weights.joint_rates)
-        for a, b in zip(state.joint_rates, goal.joint_rates, strict=True)
-    ]
+    residuals += [*(turn * weights.heading)]
+    residuals += [*((state.rate - planned.rate) * weights.rate)]
+    residuals += _joint_residuals(weights, state, goal.joints, goal.joint_rates)
     if vehicle.end_effector:
         frame, S = vehicle.frame(), planned.attitude.rotation()
         tip = state.position + R.apply(frame_pose(vehicle, frame, state.joints).p)
@@ -361,21 +343,27 @@ def planned_residuals(
     return tuple(residuals)
 
 
+def _joint_residuals(
+    weights: Weights, state: State, joints: Scalars, rates: Scalars
+) -> list[Scalar]:
+    """Weighted errors of the joint positions, then of the joint rates."""
+    off = differences(state.joints, joints)
+    drift = differences(state.joint_rates, rates)
+    return [
+        *(mul(each, weights.joints) for each in off),
+        *(mul(each, weights.joint_rates) for each in drift),
+    ]
+
+
 def given_way(vehicle: Vehicle, joints: Scalars, tilt: Vec3) -> Scalars:
     """Joint positions at which the joints next to the base compensate a base tilt (sine
     of angle, body axes).
     """
-    return tuple(
-        (
-            sub(
-                q,
-                link.joint.rotation.apply(link.joint.motion_subspace.angular).dot(tilt),
-            )
-            if link.parent == BASE
-            else q
-        )
-        for link, q in zip(vehicle.links, joints, strict=True)
-    )
+    turned = []
+    for link, q in zip(vehicle.links, joints, strict=True):
+        axis = link.joint.rotation.apply(link.joint.motion_subspace.angular)
+        turned.append(sub(q, axis.dot(tilt)) if link.parent == BASE else q)
+    return tuple(turned)
 
 
 def input_residuals(
@@ -399,8 +387,8 @@ def input_residuals(
     )
     _, _, qdd = accelerations(model, state, inputs.efforts, pushed, goal.joint_rates)
     arm = [
-        mul(sub(a, b), weights.joint_accelerations)
-        for a, b in zip(qdd, goal.joint_accelerations, strict=True)
+        mul(each, weights.joint_accelerations)
+        for each in differences(qdd, goal.joint_accelerations)
     ]
     pressed: Scalars = ()
     if goal.contact:

@@ -12,6 +12,7 @@ that follows soon, they are flown again.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -122,28 +123,23 @@ def after_plan(trust: Trust, good: bool) -> Trust:
     if good:
         count = trust.good + 1
         resting = 0.0 if trust.resting <= SPENT and count >= GOOD else trust.resting
-        return Trust(count, resting, trust.rest, trust.calm)
+        return replace(trust, good=count, resting=resting)
+    # a bad plan while the substitute flies starts the count anew, not the rest
     if not trust.flies_plans:
-        return Trust(0, trust.resting, trust.rest, 0.0)
+        return replace(trust, good=0, calm=0.0)
     least, most = REST
-    rest = (
-        least
-        if trust.calm > FORGIVEN or not trust.rest
-        else min(2.0 * trust.rest, most)
-    )
+    forgiven = trust.calm > FORGIVEN or not trust.rest
+    rest = least if forgiven else min(2.0 * trust.rest, most)
     return Trust(0, rest, rest, 0.0)
 
 
 def after_period(trust: Trust, dt: float) -> Trust:
     """Acceptance history (:class:`Trust`) after ``dt`` seconds."""
     if trust.flies_plans:
-        return (
-            trust
-            if not trust.rest
-            else Trust(trust.good, 0.0, trust.rest, trust.calm + dt)
-        )
+        # before the first hand-over no time of calm flight is asked for
+        return replace(trust, calm=trust.calm + dt) if trust.rest else trust
     # what is left stays above zero until the plans are good
-    return Trust(trust.good, max(trust.resting - dt, SPENT), trust.rest, 0.0)
+    return replace(trust, resting=max(trust.resting - dt, SPENT), calm=0.0)
 
 
 SPENT = 1e-9
@@ -161,7 +157,8 @@ class Stabiliser:
 
     def __init__(self, model: Model) -> None:
         par = _parameters(model)
-        joints, self.rotors = model.vehicle.n, len(model.vehicle.rotors)
+        joints = model.vehicle.n
+        self.rotors = len(model.vehicle.rotors)
         signals = ((0.0,) * (4 + joints),) * 3
         self.law = Compiled(
             partial(_computed_torque, par),
@@ -193,12 +190,13 @@ def _computed_torque(
     compensated disturbance.
     """
     model, (values, rates, accelerations) = par.model, signals
-    vehicle, R = model.vehicle, reading.quaternion.rotation()
+    vehicle = model.vehicle
+    R = reading.rotation
+    pushed = unknown.force * divide(1.0, vehicle.mass)
     goal = Reference(
         position=Vec3(*values[:3]),
         velocity=Vec3(*rates[:3]),
-        acceleration=Vec3(*accelerations[:3])
-        - unknown.force * divide(1.0, vehicle.mass),
+        acceleration=Vec3(*accelerations[:3]) - pushed,
         yaw=_near(values[3], yaw_of(reading.quaternion)),
         yaw_rate=rates[3],
         joints=tuple(values[4:]),
@@ -210,7 +208,7 @@ def _computed_torque(
     # give together
     base = Motion(
         turn_towards(par, reading, goal, R, up),
-        R.apply_T(up + unknown.force * divide(1.0, vehicle.mass)),
+        R.apply_T(up + pushed),
     )
     force, torques = generalized_force(
         par, R, reading, base, joint_accelerations(par, reading, goal)

@@ -28,9 +28,9 @@ Source: Diehl, Bock, Schloeder 2005 (real-time iteration); Tassa, Mansard, Todor
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 from typing import Annotated, Any
 
@@ -204,7 +204,8 @@ class PredictiveEngine:
     contact: TipContact | None = None
 
     def __deepcopy__(self, _memo: dict[int, Any]) -> PredictiveEngine:
-        return self  # machine code is not copied
+        # machine code is not copied
+        return self
 
 
 def engine_key(par: PredictiveParameters, dt: float, push: bool) -> EngineKey:
@@ -229,6 +230,8 @@ def make_engine(key: EngineKey) -> PredictiveEngine:
         float_array(joint.effort_limit for joint in vehicle.joints),
         float_array(rotor.max_speed for rotor in vehicle.rotors),
     )
+    # rotor accelerations (rad/s^2) and joint torques (N m) of usual flights: nudges of
+    # these sizes change the residuals alike
     scales = np.array([*(1000.0,) * len(vehicle.rotors), *(0.1,) * vehicle.n])
     compiled = CompiledStages(model, weights, mode, scales, presses)
     rollouts = Rollouts(model, weights, mode, bounds, presses)
@@ -251,6 +254,7 @@ def stage_lengths(stages: int, every: int, horizon: float, dt: float) -> Array:
     """
     powers = np.maximum(np.arange(stages) - every + 1, 0)
     low, high = 1.0, 10.0
+    # sixty halvings of the interval leave less than rounding
     for _ in range(60):
         factor = 0.5 * (low + high)
         low, high = (
@@ -303,9 +307,7 @@ def nmpc(
         # plan, touch and loss may be of other stages, and of a contact that is
         # requested no more
         silent = None if par.interaction is None else ZERO3_DATA
-        memory = dataclasses.replace(
-            memory, plan=None, since=0, interaction=None, tip_force=silent
-        )
+        memory = replace(memory, plan=None, since=0, interaction=None, tip_force=silent)
         engine = make_engine(key)
     if par.preview and not reference.turning:
         raise ControllerError(
@@ -317,7 +319,8 @@ def nmpc(
         past = engine.observation.first(measurement)
     elif len(sent) > par.delay_periods:
         # the first measurements are those of the start, repeated
-        past, sent = engine.observation.update(past, sent[0], measurement), sent[1:]
+        past = engine.observation.update(past, sent[0], measurement)
+        sent = sent[1:]
     estimate, late = past.estimate, past.late.periods
     nx = len(estimate) - 6 - par.model.vehicle.n
     # the state in which the command of this period begins to act
@@ -326,7 +329,9 @@ def nmpc(
         :nx
     ]
     sample = update_sample(reference, memory.sample, dt)
-    interaction, touch, disturbance = memory.interaction, None, estimate[nx:]
+    interaction = memory.interaction
+    touch = None
+    disturbance = estimate[nx:]
     if engine.contact is not None:
         signals = extrapolate(sample, np.array([sample.age]))[0, 0]
         interaction, touch = engine.contact.at(
@@ -338,7 +343,8 @@ def nmpc(
         problem = problem_at(
             engine, x, estimate[nx:], sample, float(late * dt), par, touch
         )
-        plan, since = _solve_plan(engine, plan, since * dt, problem, par), 0
+        plan = _solve_plan(engine, plan, since * dt, problem, par)
+        since = 0
         trust = after_plan(trust, is_flyable(plan, engine.most))
     if trust.flies_plans:
         command = _command(engine, plan, since, x, dt)
@@ -392,6 +398,7 @@ def _solve_plan(
             plan = solver.solve(problem, shift_plan(last, solver.steps, passed))
             if is_flyable(plan, engine.most):
                 return plan
+    # a plan that leads nowhere is a bad guess for the next one: begin from rest
     rest = _standing(problem.start, par)
     try:
         return solver.solve(problem, rest)
@@ -534,6 +541,7 @@ def problem_at(
     distance = norm(error)
     if distance > LONGEST_ERROR:
         targets[:, :3] += error * (1.0 - LONGEST_ERROR / distance)
+    # the turn on the shorter side, as headings may be turns apart
     off = float(np.angle(np.exp(1j * (_heading(x) - targets[0, 6]))))
     targets[:, 6] += off - np.clip(off, -WIDEST_TURN, WIDEST_TURN)
     joints = model.vehicle.n

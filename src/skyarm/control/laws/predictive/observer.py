@@ -18,7 +18,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from skyarm.algebra import Scalar, Vec3
+from skyarm.algebra import Scalar, Vec3, differences
 from skyarm.algebra.scalars import divide, mul
 from skyarm.control.blocks.filters import double_pole
 from skyarm.control.blocks.prediction import Disturbance, motor_speeds
@@ -115,7 +115,8 @@ def observe(
     Source: Gao 2003 (bandwidth parameterisation); discrete poles as placed here are our
     own.
     """
-    foreseen, n = predict(model, before, command, dt), model.vehicle.n
+    foreseen = predict(model, before, command, dt)
+    n = model.vehicle.n
     R = measurement.rotation
     measured = (*measurement.velocity, *measurement.rate, *measurement.joint_rates)
     expected = (*foreseen.velocity, *foreseen.rate, *foreseen.joint_rates)
@@ -125,7 +126,7 @@ def observe(
         *(bandwidths.joints,) * n,
     )
     shares = [double_pole(w, dt) for w in speeds]
-    e = [a - b for a, b in zip(measured, expected, strict=True)]
+    e = differences(measured, expected)
     v = [x + L1 * error for x, (L1, _), error in zip(expected, shares, e, strict=True)]
     push = [divide(L2 * error, dt) for (_, L2), error in zip(shares, e, strict=True)]
     M = mass_matrix(model.vehicle, R, measurement.joints)
@@ -166,16 +167,16 @@ class Observation:
         estimate = Estimate(state=state, disturbance=disturbance)
         command = Command(rotor_speeds=state.rotor_speeds, efforts=state.joints)
         reading = blank_measurement(model.vehicle.n, len(model.vehicle.rotors))
-        self.dt, self.joints, self.motors = (
-            dt,
-            model.vehicle.n,
-            motors(model.vehicle.rotors, dt),
-        )
+        self.dt = dt
+        self.joints = model.vehicle.n
+        self.motors = motors(model.vehicle.rotors, dt)
         self.at = Compiled(
             lambda before, command, reading: observe(
                 model, bandwidths, before, command, reading, dt
             ),
-            *(estimate, command, reading),
+            estimate,
+            command,
+            reading,
         )
         """Estimate at a measurement from the one a period earlier and the command that
         acted in between."""
@@ -230,6 +231,7 @@ class Observation:
             np.array(measurement.rotor_speeds, dtype=float),
             self.dt,
         )
+        # early in a flight fewer commands than the delay are known: the oldest acts
         acted = command_row(shown[max(len(shown) - 1 - late.periods, 0)])
         # of the quaternion's two signs the one that is nearer to the last
         if reading[4:8] @ past.estimate[3:7] < 0.0:
@@ -320,6 +322,7 @@ def update_lateness(
         measured: (rotors,) speeds.
         dt: s.
     """
+    # one row for each delay that is compared, the newest first
     rows = np.vstack([modelled, before.modelled[:-1]])
     decay = np.exp(-dt / MEMORY)
     squares = decay * before.squares + np.mean((rows - measured) ** 2, axis=1)
@@ -330,6 +333,7 @@ def update_lateness(
     best = int(np.argmin(squares))
     if (
         late.count < LEAST
+        # negated, so that a speed that is no number changes nothing
         or not now > NOTICED**2 * late.weight
         or not squares[best] < CLEAR * now
     ):

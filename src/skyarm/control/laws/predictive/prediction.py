@@ -73,9 +73,16 @@ def base_accelerations(
     """
     vehicle, R = model.vehicle, state.rotation
     applied = _on_base(model, state, R, disturbance)
+    # what the arm alone needs of the base; the rest of the wrench accelerates it
     still = Motion(ZERO3, ZERO3)
-    moving = state.joints, state.rate, state.joint_rates
-    needed, _ = dynamics.inverse_dynamics(vehicle, *moving, still, joint_accelerations)
+    needed, _ = dynamics.inverse_dynamics(
+        vehicle,
+        state.joints,
+        state.rate,
+        state.joint_rates,
+        still,
+        joint_accelerations,
+    )
     pushed = applied - needed
     whole = [
         row[:6]
@@ -187,6 +194,7 @@ def runge_kutta_step(
         for a, b, c, d in zip(*map(leaves, (k1, k2, k3, k4)), strict=True)
     )
     end = euler_step(state, rebuild(k1, mean), dt)
+    # a sum of quaternions is off unit length by the step's error
     values = [*end.position, *end.quaternion.normalized(), *leaves(end)[7:]]
     return rebuild(state, iter(values))
 

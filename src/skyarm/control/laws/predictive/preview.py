@@ -59,7 +59,7 @@ class SampledReference:
         pull, weight: sums of -a d2a/dt2 and of a^2 of the accelerations so far, older
             ones forgotten; their quotient is the squared angular frequency of the swing
             that fits best, 1/s^2.
-        foretold: samples in a row, this one included, that came when predicted by the
+        predicted: samples in a row, this one included, that came when predicted by the
             last one.
         secants, gap: mean jerks since the sample before and the time since then, s.
         coming: (3, T, signals) this sample and those of the preview. turning: (2, T,
@@ -72,7 +72,7 @@ class SampledReference:
     age: float
     pull: Array
     weight: Array
-    foretold: int = 0
+    predicted: int = 0
     secants: Array | None = None
     gap: float = 0.0
     coming: Array = field(default_factory=partial(np.zeros, (3, 0, 0)))
@@ -110,6 +110,7 @@ def _shares(angle: Array) -> tuple[Array, Array, Array, Array]:
     1 at 0.
     """
     still = angle < SLOW
+    # no division by a phase near zero, where all shares are 1
     x = np.where(still, 1.0, angle)
     sine, cosine = np.sin(x), np.cos(x)
     shares = (sine / x, 2.0 * (1.0 - cosine) / x**2, 6.0 * (x - sine) / x**3, cosine)
@@ -150,11 +151,12 @@ def update_sample(
         return first
     accelerations, last = motion[2], before.motion[2]
     jerks = (accelerations - last) / age
-    pull, weight, foretold = before.pull, before.weight, before.foretold + 1
-    if foretold > SETTLED and before.secants is not None:
+    pull, weight, predicted = before.pull, before.weight, before.predicted + 1
+    if predicted > SETTLED and before.secants is not None:
         # the second derivative of the acceleration, at the sample before
         bend = (jerks - before.secants) / (0.5 * (age + before.gap))
         decay = np.exp(-age / KEPT)
+        # least squares of bend = -k last, older samples forgotten
         pull = decay * pull - bend * last
         weight = decay * weight + last**2
     sample = SampledReference(
@@ -163,7 +165,7 @@ def update_sample(
         0.0,
         pull,
         weight,
-        foretold,
+        predicted,
         jerks,
         age,
         first.coming,
@@ -217,8 +219,11 @@ def _spline_at(samples: Array, knots: Array, k: IntArray, at: Array) -> Array:
     Source: Hermite 1878 (the polynomial that meets values and derivatives at both
     ends).
     """
-    orders, h = range(len(samples)), (knots[k + 1] - knots[k])[:, None]
+    orders = range(len(samples))
+    h = (knots[k + 1] - knots[k])[:, None]
     s = (at - knots[k])[:, None] / h
+    # derivatives in units of the interval, so that one matrix serves intervals of any
+    # length
     ends = np.stack([samples[d, side] * h**d for side in (k, k + 1) for d in orders])
     c = np.tensordot(HERMITE[len(samples)], ends, 1)
     powers = [

@@ -9,13 +9,13 @@ several lengths at once, each with its true cost.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Generic, TypeVar
 
 import numpy as np
 
-from skyarm.algebra import ZERO3_DATA, Quaternion, Scalar, Scalars
+from skyarm.algebra import ZERO3_DATA, Quaternion, Scalar, Scalars, differences
 from skyarm.algebra.scalars import maximum, minimum
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -138,10 +138,9 @@ class CompiledStages:
         scales: Array,
         contact: bool = False,
     ) -> None:
-        shapes = examples(
+        state, inputs, disturbance, goal = examples(
             model.vehicle.n, len(model.vehicle.rotors), contact, mode == "plan"
         )
-        state, inputs, disturbance, goal = shapes
 
         def stage(
             x: State,
@@ -151,16 +150,15 @@ class CompiledStages:
         ) -> tuple[State, Scalars]:
             u, dt, d, target = par
             errors = state_residuals(model, weights, x, target, mode)
-            return predict_stage(model, x, u, d, target, dt[0]), (
-                *errors,
-                *input_residuals(model, weights, x, u, d, target),
-            )
+            pushes = input_residuals(model, weights, x, u, d, target)
+            return predict_stage(model, x, u, d, target, dt[0]), (*errors, *pushes)
 
         loop = trace_loop(stage, state, (inputs, (0.0,), disturbance, goal), ())
         self.kernel = Kernel(loop, Lanes(host_width()), logging=True)
         self.nx, self.nu = len(leaves(state)), len(leaves(inputs))
         self.input_errors = model.vehicle.n + len(model.vehicle.rotors) + contact
         self.scales = np.concatenate([np.ones(self.nx), scales])
+        # rotor speeds are some hundred rad/s, the other states of order one
         self.scales[self.nx - len(model.vehicle.rotors) : self.nx] = 100.0
         width = self.nx + self.nu
         self._nudges = (
@@ -184,7 +182,8 @@ class CompiledStages:
             x after each stage (N + 1, nx), its derivative (N + 1, nx, nx + nu),
             residuals (N + 1, nr) and theirs.
         """
-        count, width = len(x), self.nx + self.nu
+        count = len(x)
+        width = self.nx + self.nu
         nudged = np.concatenate([x, u], axis=1)[:, None, :] + self._nudges
         copies = nudged.shape[1]
         constants = np.concatenate(
@@ -256,10 +255,9 @@ class Rollouts:
         bounds: Bounds,
         contact: bool = False,
     ) -> None:
-        shapes = examples(
+        state, inputs, disturbance, goal = examples(
             model.vehicle.n, len(model.vehicle.rotors), contact, mode == "plan"
         )
-        state, inputs, disturbance, goal = shapes
         nx, nu = len(leaves(state)), len(leaves(inputs))
         efforts, speeds = bounds.efforts.tolist(), bounds.speeds.tolist()
 
@@ -272,7 +270,7 @@ class Rollouts:
             x, (cost,) = carry
             (a,), d = par
             x_guess, u_guess, k, K, (dt, whole, running), target = row
-            change = [b - c for b, c in zip(leaves(x), leaves(x_guess), strict=True)]
+            change = differences(leaves(x), leaves(x_guess))
             u = [
                 start
                 + a * push
@@ -297,22 +295,16 @@ class Rollouts:
             pushes = sum(
                 e * e for e in input_residuals(model, weights, x, taken, d, target)
             )
-            return (
-                predict_stage(model, x, taken, d, target, dt),
-                (cost + whole * errors + running * pushes,),
-            ), (
-                x,
-                taken,
-            )
+            spent = cost + whole * errors + running * pushes
+            following = predict_stage(model, x, taken, d, target, dt)
+            return (following, (spent,)), (x, taken)
 
         zero = (0.0,) * nu
         row = (state, inputs, zero, ((0.0,) * nx,) * nu, (0.0, 0.0, 0.0), goal)
         loop = trace_loop(stage, (state, (0.0,)), ((0.0,), disturbance), row)
-        self.kernel, self.nx, self.nu = (
-            Kernel(loop, Lanes(host_width()), logging=True),
-            nx,
-            nu,
-        )
+        self.kernel = Kernel(loop, Lanes(host_width()), logging=True)
+        self.nx = nx
+        self.nu = nu
 
     def run(
         self,
@@ -343,10 +335,8 @@ class Rollouts:
         rows[:count, ends[0] : ends[1]], rows[:count, ends[1] : ends[2]] = u, feedback.k
         rows[:count, ends[2] : ends[3]] = feedback.K.reshape(count, -1)
         # there is no input at the end of the horizon
-        rows[:, ends[3] : ends[3] + 2], rows[:count, ends[3] + 2] = (
-            times,
-            times[:count, 1],
-        )
+        rows[:, ends[3] : ends[3] + 2] = times
+        rows[:count, ends[3] + 2] = times[:count, 1]
         rows[:, ends[3] + 3 :] = goals
         lanes = len(a)
         carry = np.zeros((self.nx + 1, lanes))
@@ -449,7 +439,9 @@ def policy(
             + gains[:, :nx].T @ (inner @ gains + cross)
             + M[nu:, :nu] @ gains
         )
-        P, p = 0.5 * (to_go[:, :nx] + to_go[:, :nx].T), to_go[:, nx]
+        # rounding would make P unsymmetric, more with each stage
+        P = 0.5 * (to_go[:, :nx] + to_go[:, :nx].T)
+        p = to_go[:, nx]
     return Policy(Kk[:, :, nx], Kk[:, :, :nx], P, p)
 
 
@@ -548,12 +540,10 @@ class Riccati:
         final: float,
         bounds: Bounds,
     ) -> None:
-        self.stages, self.rollouts, self.steps, self.bounds = (
-            stages,
-            rollouts,
-            steps,
-            bounds,
-        )
+        self.stages = stages
+        self.rollouts = rollouts
+        self.steps = steps
+        self.bounds = bounds
         counted = np.append(steps, final)
         self._roots = np.sqrt(counted)
         self._times = np.column_stack([np.append(steps, steps[-1]), counted])
@@ -564,10 +554,13 @@ class Riccati:
         Raises:
             NoPlanError: the guess leads nowhere.
         """
+        # a motion that runs away ends in inf or NaN, and is then not the cheapest
         with np.errstate(all="ignore"):
             try:
                 feedback = self._policy(problem, guess)
             except np.linalg.LinAlgError:
+                # no cure lies in the numbers of a singular system, so its message is
+                # dropped
                 raise NoPlanError from None
             given = self._times, problem.disturbance, problem.goals
             tried = self.rollouts.run(
@@ -578,10 +571,8 @@ class Riccati:
         if not (np.isfinite(cost[best]) and np.isfinite(feedback.K).all()):
             raise NoPlanError
         share = float(SHARES[best])
-        x, u = (
-            np.ascontiguousarray(tried.x[:, :, best]),
-            np.ascontiguousarray(tried.u[:, :, best]),
-        )
+        x = np.ascontiguousarray(tried.x[:, :, best])
+        u = np.ascontiguousarray(tried.u[:, :, best])
         return MotionPlan(
             x,
             u,
@@ -623,10 +614,8 @@ class Riccati:
         efforts = np.broadcast_to(
             self.bounds.efforts, (len(self.steps), len(self.bounds.efforts))
         )
-        low, high = (
-            np.hstack([-speeds / dt, -efforts]),
-            np.hstack([(self.bounds.speeds - speeds) / dt, efforts]),
-        )
+        low = np.hstack([-speeds / dt, -efforts])
+        high = np.hstack([(self.bounds.speeds - speeds) / dt, efforts])
         return np.minimum(low - guess.u, 0.0), np.maximum(high - guess.u, 0.0)
 
 
@@ -669,8 +658,9 @@ def shift_plan(plan: MotionPlan, steps: Array, dt: float) -> MotionPlan:
     """
     times = np.append(0.0, np.cumsum(steps))
     later = np.minimum(times + dt, times[-1])
+    # the last instant belongs to the last interval, behind which there is none
     at = np.clip(np.searchsorted(times, later, side="right") - 1, 0, len(steps) - 1)
     part = ((later - times[at]) / steps[at])[:, None]
     x = plan.x[at] + part * (plan.x[at + 1] - plan.x[at])
     x[:, 3:7] /= np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
-    return dataclasses.replace(plan, x=x, u=plan.u[at[:-1]])
+    return replace(plan, x=x, u=plan.u[at[:-1]])

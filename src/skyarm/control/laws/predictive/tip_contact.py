@@ -10,8 +10,8 @@ over the horizon.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -34,7 +34,7 @@ from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 
-TOLD = 5
+ENTRIES = 5
 """Number of used entries of a desired contact: force, speed, normal. A gripping tip is
 controlled as a free one."""
 KEPT = 0.6
@@ -97,7 +97,6 @@ class TipContact:
         state, _, disturbance, _ = examples(vehicle.n, len(vehicle.rotors))
         first = first_interaction(vehicle.n)
         self.gains, self.first = gains, first
-        rows = (state, disturbance, (0.0,) * TOLD, (0.0,) * (4 + vehicle.n))
 
         def step(
             memory: InteractionMemory,
@@ -107,10 +106,8 @@ class TipContact:
             signals: Sequence[Scalar],
         ) -> tuple[InteractionMemory, ContactState]:
             x, y, z, yaw, *joints = signals
-            desired, at = (
-                wanted_of(push),
-                levers(vehicle, now.quaternion.rotation(), now.joints),
-            )
+            desired = wanted_of(push)
+            at = levers(vehicle, now.rotation, now.joints)
             n, into = desired.normal, -desired.normal.dot(tip_velocity(model, now))
             after, pressing = interact(
                 gains, memory, desired, observed, at, into, 0.0, dt
@@ -119,7 +116,7 @@ class TipContact:
                 frame_pose(vehicle, vehicle.frame(), tuple(joints)).p
             )
             way = now.position + at.R.apply(at.tip) - Vec3(x, y, z) - arm
-            after = dataclasses.replace(after, gap=n.dot(way) - after.shift)
+            after = replace(after, gap=n.dot(way) - after.shift)
             along = n * n.dot(pressing.force)
             unanswered = along + (pressing.force - along) * (1.0 - KEPT)
             free = observed + at.disturbance(unanswered * -pressing.engaged)
@@ -129,6 +126,7 @@ class TipContact:
             return after, ContactState(
                 normal=tuple(n),
                 asked=where(desired.requests_contact, 1.0, 0.0),
+                # while the ramp falls the surface still bears what is left of the order
                 touching=where(logical_or(rising > 0.5, after.share > 0.0), 1.0, 0.0),
                 rising=rising,
                 share=after.share,
@@ -149,7 +147,8 @@ class TipContact:
                 tip_force=tuple(after.force),
             )
 
-        self.step = Compiled(step, first, *rows)
+        push, signals = (0.0,) * ENTRIES, (0.0,) * (4 + vehicle.n)
+        self.step = Compiled(step, first, state, disturbance, push, signals)
 
     def at(
         self,
@@ -168,7 +167,7 @@ class TipContact:
         """
         memory = np.array(leaves(before or self.first), dtype=float)
         return self.step.record(
-            memory, estimate, np.array(push[:TOLD], dtype=float), signals
+            memory, estimate, np.array(push[:ENTRIES], dtype=float), signals
         )
 
 
@@ -181,12 +180,10 @@ def shift_ahead(
     A tip that comes keeps its speed; what follows the surface, or returns, does so as a
     critically damped swing.
     """
-    s, rate, speed, t = (
-        float(touch.shift),
-        float(touch.shift_rate),
-        float(touch.speed),
-        later,
-    )
+    s = float(touch.shift)
+    rate = float(touch.shift_rate)
+    speed = float(touch.speed)
+    t = later
     if touch.asked and not touch.rising:
         coming = float(gains.coming)
         late = np.exp(-coming * t)

@@ -87,11 +87,10 @@ def _angular(
     roll = clip((specific.x * s - specific.y * c) * per_gravity, -STEEPEST, STEEPEST)
     pitch = clip((specific.x * c + specific.y * s) * per_gravity, -STEEPEST, STEEPEST)
     turn = psi - reference.yaw
+    # the heading takes the shorter way round; roll and pitch are far from half a turn
     error = Vec3(phi - roll, theta - pitch, atan2(sin(turn), cos(turn)))
-    Q, rates = (
-        rate_matrix(phi, theta),
-        rate_matrix_inverse(phi, theta).apply(measurement.rate),
-    )
+    Q = rate_matrix(phi, theta)
+    rates = rate_matrix_inverse(phi, theta).apply(measurement.rate)
     pull = angular_acceleration(
         par.gains,
         par.model.vehicle.base.inertia,
@@ -103,7 +102,8 @@ def _angular(
 
 
 def _margin(quaternion: Quaternion) -> Scalar:
-    return euler_margin(quaternion)  # under the name that logs of flights hold
+    # under the name that logs of flights hold
+    return euler_margin(quaternion)
 
 
 make_bulut = law_maker(

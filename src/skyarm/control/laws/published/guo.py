@@ -9,7 +9,8 @@ adds is avoided by this choice of coordinates, not compensated.
     thrust = f . R e_z,  R_d from f
     torque about C = J_C alpha_d + w x J_C w;  about the base origin: + c x (thrust e_z)
     p_C,d = p_d + R_z(psi_d) c(q_d), with its first and second derivative
-    joints: PD on acceleration through the arm's own inertia, and weight by the true attitude
+    joints: PD on acceleration through the arm's own inertia, and weight by the true
+    attitude
 
 Assumed (the text at hand is Barakou et al. 2026's summary): the geometric controller of
 Lee et al. 2010 in these coordinates; the reference of the centre by the level pose;

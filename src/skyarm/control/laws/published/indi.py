@@ -1,7 +1,8 @@
 """Incremental nonlinear dynamic inversion of base and joints, with its filters.
 
     f = F_f + m (a_c - a_f),   thrust = f . R e_z,   R_d from f
-    [T, tau] = [T_f, tau_f] + M(q) increments of [alpha_c - alpha_f, qdd_c - qdd_f] under the thrust increment
+    [T, tau] = [T_f, tau_f] + M(q) [alpha_c - alpha_f, qdd_c - qdd_f]
+        under the increment of the thrust
 
 a_f is the low-pass of the accelerometer (world axes, less gravity), alpha_f and qdd_f
 are differences of the low-passed gyroscope and joint rates, F_f and T_f are the
@@ -25,7 +26,17 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra import (
+    E_Z,
+    ZERO3,
+    ZERO3_DATA,
+    Mat3,
+    Scalar,
+    Scalars,
+    Vec3,
+    differences,
+    sums,
+)
 from skyarm.algebra.scalars import divide, minimum, where
 from skyarm.control.blocks.center_of_mass import forces_under_thrust
 from skyarm.control.blocks.common import (
@@ -37,7 +48,6 @@ from skyarm.control.blocks.common import (
     wanted_specific_force,
 )
 from skyarm.control.blocks.filters import (
-    Butterworth,
     Taps,
     butterworth,
     filtered_all,
@@ -49,6 +59,7 @@ from skyarm.control.laws.paper import joint_accelerations
 from skyarm.control.model import Parameters
 from skyarm.dynamics.actuators import Command, speeds_after
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import blend
 from skyarm.records.units import Unit, positive
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -147,6 +158,7 @@ def indi(
     alpha = turn_towards(par, measurement, reference, R, desired)
     along = desired.dot(R.column(2))
     qdd = joint_accelerations(par, measurement, reference)
+    # at zero rates: velocity products are in the measured accelerations already
     more, pull, _ = forces_under_thrust(
         vehicle,
         measurement.joints,
@@ -154,13 +166,13 @@ def indi(
         (0,) * n,
         applied=E_Z * (along - thrust.dot(R.column(2))),
         angular=alpha - alpha_f,
-        joint_accelerations=[a - b for a, b in zip(qdd, qdd_f, strict=True)],
+        joint_accelerations=differences(qdd, qdd_f),
     )
     command, _ = make_command(
         par,
         torque + more.torque,
         along,
-        [a + b for a, b in zip(efforts, pull, strict=True)],
+        sums(efforts, pull),
     )
     return (
         IndiMemory(
@@ -217,9 +229,10 @@ def _filter_signals(
         *measurement.joint_rates,
         *efforts,
     ]
+    # one filter for all signals, so that each is late by the same
     coefficients = butterworth(minimum(par.cutoff, divide(NYQUIST_SHARE, dt)), dt)
     taps = tuple(
-        _begun(first, value, old, coefficients)
+        blend(first, settle(value, coefficients), old)
         for value, old in zip(signals, memory.taps, strict=True)
     )
     return filtered_all(taps, signals, coefficients)
@@ -231,22 +244,7 @@ def _command_history(
     """Commands of the last periods, newest last, with the actuators held before the
     first command.
     """
-    past = (
-        Command(
-            rotor_speeds=choose_each(first, standing.rotor_speeds, old.rotor_speeds),
-            efforts=choose_each(first, standing.efforts, old.efforts),
-        )
-        for old in memory.sent[1:]
-    )
-    return (*past, command)
-
-
-def _begun(first: Scalar, value: Scalar, old: Taps, par: Butterworth) -> Taps:
-    new = settle(value, par)
-    return Taps(
-        first=where(first, new.first, old.first),
-        second=where(first, new.second, old.second),
-    )
+    return (*(blend(first, standing, old) for old in memory.sent[1:]), command)
 
 
 def first_memory(par: IndiParameters) -> IndiMemory:

@@ -175,6 +175,8 @@ def kim_sliding_mode(
         qdd,
     )
     command, squares = make_command(par, force.torque, force.force.z, torques)
+    # one actuator that was cut spoils every acceleration, so all adaptations stand
+    # still
     unchanged = all_follow(memory.applied)
     free = logical_and(rotors_follow(par.mixer, squares), unchanged)
 
@@ -218,13 +220,12 @@ def _translation(
 ) -> tuple[list[Scalar], Vec3]:
     """Sliding variables of the position, and desired specific force, world axes."""
     per_mass = divide(1.0, par.model.vehicle.mass)
-    error, drift = (
-        measurement.position - reference.position,
-        measurement.velocity - reference.velocity,
-    )
+    error = measurement.position - reference.position
+    drift = measurement.velocity - reference.velocity
     kp, kd = par.gains.position * per_mass, par.gains.velocity * per_mass
     pairs = [
-        sliding_mode(*each, 0, par) for each in zip(error, drift, kp, kd, strict=True)
+        sliding_mode(e, ed, stiffness, damping, 0, par)
+        for e, ed, stiffness, damping in zip(error, drift, kp, kd, strict=True)
     ]
     feedback = Vec3(*(a - push for _, a, push in pairs)) - memory.position
     return [
@@ -251,12 +252,11 @@ def _rotation(
     R_d = desired_attitude(-up, reference.yaw, R)
     error = attitude_error(R, R_d)
     drift = rate_error(measurement.rate, R, R_d, reference.yaw_rate, par.rate_error)
-    kp, kd = (
-        ldl_solve(own, list(par.gains.attitude)),
-        ldl_solve(own, list(par.gains.rate)),
-    )
+    kp = ldl_solve(own, list(par.gains.attitude))
+    kd = ldl_solve(own, list(par.gains.rate))
     pairs = [
-        sliding_mode(*each, 1, par) for each in zip(error, drift, kp, kd, strict=True)
+        sliding_mode(e, ed, stiffness, damping, 1, par)
+        for e, ed, stiffness, damping in zip(error, drift, kp, kd, strict=True)
     ]
     linear = Vec3(*(a for _, a, _ in pairs))
     # J^-1 diag(J) linear = linear - J^-1 (J - diag(J)) linear: without products of

@@ -46,6 +46,7 @@ from skyarm.algebra import (
     Scalar,
     Scalars,
     Vec3,
+    differences,
 )
 from skyarm.algebra.scalars import clip, divide, exp, minimum, where
 from skyarm.control.blocks.common import (
@@ -219,6 +220,7 @@ def l1_adaptive(
     measured = (*measurement.velocity, *measurement.rate, *measurement.joint_rates)
     begun = memory.started > 0.5
     pairs = zip(predict_velocities(par, memory, dt), measured, strict=True)
+    # the first measurement has no prediction to miss
     error = tuple(where(begun, predicted - seen, 0.0) for predicted, seen in pairs)
     sigma = tuple(
         adaptation(e, a, dt) for e, a in zip(error, _predictor_rates(par), strict=True)
@@ -355,7 +357,7 @@ def _command(
     force, efforts = coupled_forces(
         par, measurement, base, joint_accelerations(par, measurement, reference)
     )
-    torques = [a - b for a, b in zip(efforts, filtered.efforts_twice, strict=True)]
+    torques = differences(efforts, filtered.efforts_twice)
     return make_command(
         par,
         force.torque - filtered.torque_twice,

@@ -3,9 +3,10 @@ the manner of Li et al. 2024.
 
     f = m (-a_d) + R F_arm,   thrust = f . R e_z,  R_d from f
     torque = J(q) alpha_d + T_arm + h(q) x R^T (-a_d)
-    [T_arm, F_arm]: reaction of the arm's motion and the velocity products at the measured q, qd and the *reference's*
-    joint accelerations (measured ones are noise)
-    joints: servos, PD on acceleration through the arm's own inertia, and weight by the true attitude
+    [T_arm, F_arm]: reaction of the arm's motion and the velocity products at the
+    measured q, qd and the *reference's* joint accelerations (measured ones are noise)
+    joints: servos, PD on acceleration through the arm's own inertia, and weight by the
+    true attitude
 
 J(q) and h(q) are the inertia and first moment of the whole vehicle with locked joints.
 The base answers to the arm; the arm does not answer to the base, which distinguishes

@@ -18,9 +18,9 @@ the wind on the base is estimated.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated
 
 from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
@@ -37,7 +37,7 @@ from skyarm.algebra.scalars import (
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance
 from skyarm.control.blocks.filters import low_pass, low_pass_share
-from skyarm.control.blocks.force_control import SENSING
+from skyarm.control.blocks.force_control import SENSING, SensorBandwidth
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import ForceErrors, levers, tip_force
@@ -159,6 +159,7 @@ def _axis_step(
     velocity, acceleration.
     """
     M, D, K, x, w, f = axis
+    # an int mass is a held axis, known before compilation: nothing of it is computed
     if type(M) is int:
         return data(w), (0, 0, 0)
     per = divide(1.0, M)
@@ -266,17 +267,7 @@ class AdmittanceGains(OptionalPart):
             "s", "time after a force before loads, friction and lag are estimated again"
         ),
     ] = 0.5
-    sensing: (
-        Annotated[
-            Scalar,
-            Unit(
-                "rad/s",
-                "bandwidth of the filter of the force sensor",
-                effect="lower values pass less sensor noise and add lag",
-            ),
-        ]
-        | None
-    ) = None
+    sensing: SensorBandwidth | None = None
 
     def __post_init__(self) -> None:
         require_moderate("controller.parts.admittance.tip", "inertia", self.tip)
@@ -296,15 +287,13 @@ class AdmittanceGains(OptionalPart):
         """Shift the reference by the admittance offset; stop adaptation during and
         shortly after an external force.
         """
-        vehicle, reading, observed = (
-            step.par.model.vehicle,
-            step.measurement.tip_force,
-            step.seen.observed,
-        )
+        vehicle = step.par.model.vehicle
+        reading = step.measurement.tip_force
+        observed = step.seen.observed
         memory, signals = shift_reference(
             self, memory, vehicle, observed, effect.signals, reading, step.dt
         )
-        effect = dataclasses.replace(effect, signals=signals, external=memory.detected)
+        effect = replace(effect, signals=signals, external=memory.detected)
         return memory, effect.isolating(self.force_cleared(memory))
 
     def force_cleared(self, memory: AdmittanceMemory) -> Scalar:
@@ -334,14 +323,14 @@ def shift_reference(
         sensed = low_pass(sensed, Vec3(*reading), gains.sensing, dt)
         turned = at.R @ frame_pose(vehicle, vehicle.frame(), observed.joints).R
         value, sensed = turned.apply(sensed - memory.sensor_bias), vector_data(sensed)
-    memory = dataclasses.replace(memory, force=vector_data(value), sensed=sensed)
+    memory = replace(memory, force=vector_data(value), sensed=sensed)
     memory = detect(gains.detection, memory, d, estimate, dt)
     body, shift = move(gains.tip, memory.body, memory.force * memory.detected, dt)
     moved = (
         signal + Taylor((p, v, mul(0.5, a), 0, 0))
         for signal, p, v, a in zip(signals[:3], *shift, strict=True)
     )
-    return dataclasses.replace(memory, body=body), [*moved, *signals[3:]]
+    return replace(memory, body=body), [*moved, *signals[3:]]
 
 
 def detect(
@@ -360,17 +349,18 @@ def detect(
     counts = logical_or(
         loud, logical_and(memory.detected > 0.5, quiet < gains.patience)
     )
+    # the bias stands still meanwhile: a long push would be learned as one
     detected = where(counts, 1.0, 0.0)
     calm = detected < 0.5
     share = where(
         calm, low_pass_share(where(settled, gains.bias_rate, gains.settling), dt), 0.0
     )
     wind = where(calm, share, low_pass_share(gains.wind_rate, dt))
-    unexplained = dataclasses.replace(observed, force=observed.force - force * detected)
+    unexplained = replace(observed, force=observed.force - force * detected)
     offset = memory.sensor_bias
     if offset and memory.sensed:
         offset = vector_data(offset + (memory.sensed - offset) * share)
-    return dataclasses.replace(
+    return replace(
         memory,
         age=where(settled, memory.age, memory.age + dt),
         bias=memory.bias.blend_towards(unexplained, share, wind),
@@ -388,7 +378,6 @@ def admittance_gains(
 
     ``gains`` are the law's other options; ``leads``: whether it leads a tip; ``lead``:
     lag of its observer, s.
-
 
     Raises:
         ControllerError: a wrong table, a law without a tip to lead, or one that presses
@@ -411,6 +400,8 @@ def admittance_gains(
             if "normal" in fields.table
             else ()
         )
+        # a sensor lags by its filter alone, an observed force by the observer and the
+        # delay
         sensing = SENSING if gains["force_sensor"] else None
         tip = _compliance(fields, 1.0 / sensing if sensing else lead, axes)
         detection = Detection(
@@ -441,7 +432,7 @@ def _compliance(fields: Fields, lead: float, axes: tuple[Vec3, ...]) -> Complian
     damping, stiffness = (
         tuple(v if m else 0 for v, m in zip(row, mass, strict=True)) for row in rows[1:]
     )
-    return dataclasses.replace(body, damping=damping, stiffness=stiffness)
+    return replace(body, damping=damping, stiffness=stiffness)
 
 
 def require_moderate(at: str, name: str, body: Compliance) -> None:

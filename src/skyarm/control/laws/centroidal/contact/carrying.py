@@ -26,11 +26,21 @@ a free base. There it forgets f alone.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, cast
 
-from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Sym3, Vec3
+from skyarm.algebra import (
+    E_Z,
+    ZERO3,
+    ZERO3_DATA,
+    Mat3,
+    Scalar,
+    Scalars,
+    Sym3,
+    Vec3,
+    sums,
+)
 from skyarm.algebra.scalars import (
     add,
     clip,
@@ -212,10 +222,8 @@ class CarryingGains(OptionalPart):
             com=frame.position,
             inertia=Sym3(0.0, 0.0, 0.0),
         )
-        model = dataclasses.replace(
-            par.model, vehicle=vehicle.with_body(frame.link, load)
-        )
-        return dataclasses.replace(par, model=model)
+        model = replace(par.model, vehicle=vehicle.with_body(frame.link, load))
+        return replace(par, model=model)
 
     def feedforward(
         self,
@@ -230,6 +238,8 @@ class CarryingGains(OptionalPart):
         if not reference.carry:
             return None
         carry = Carry.of(reference.carry)
+        # the observer sees a period of the past: what was fed forward then is what
+        # acted
         before = memory.earlier[-1] if memory.earlier else memory.ahead
         force = carry.force - self.force_in_model(memory, par, motion, carry)
         return before, planned_effect(
@@ -263,14 +273,13 @@ class CarryingGains(OptionalPart):
         given = self.feedforward(memory, step.par, step.reference, step.motion)
         if given is None:
             return memory, effect
-        carry, observed, vehicle, dt = (
-            Carry.of(step.reference.carry),
-            step.seen.observed,
-            step.par.model.vehicle,
-            step.dt,
-        )
+        carry = Carry.of(step.reference.carry)
+        observed = step.seen.observed
+        vehicle = step.par.model.vehicle
+        dt = step.dt
         borne, holding = disturbance(observed) + given[0], carry.held > 0.5
         settled = low_pass_share(self.settling, dt)
+        # a bias that followed a held load would take it for its own
         share = where(holding, 0.0, settled)
         bias = memory.bias.blend_towards(borne, share, share)
         R = observed.quaternion.rotation()
@@ -280,11 +289,14 @@ class CarryingGains(OptionalPart):
         force = force + self.force_in_model(memory, step.par, step.motion, carry)
         tilting = shares_of_tilt(vehicle, R, observed.joints, step.par.tip.damping)
         by_tilt = tilting.apply(carry.forgotten_force) * dt
-        forgotten = carry.forgotten_force * dt - by_tilt, carry.forgotten_moment * dt
-        forgets = planned_effect(vehicle, step.reference, carry, *forgotten)
-        forgets = dataclasses.replace(
-            forgets, force=vector_data(forgets.force + by_tilt)
+        forgets = planned_effect(
+            vehicle,
+            step.reference,
+            carry,
+            carry.forgotten_force * dt - by_tilt,
+            carry.forgotten_moment * dt,
         )
+        forgets = replace(forgets, force=vector_data(forgets.force + by_tilt))
         shift = zip(
             carry.offset, carry.offset_rate, carry.offset_acceleration, strict=True
         )
@@ -305,7 +317,7 @@ class CarryingGains(OptionalPart):
         ahead = [
             (time, settling_sample(row, carry, time)) for time, row in effect.ahead
         ]
-        effect = dataclasses.replace(
+        effect = replace(
             effect, signals=signals, ahead=ahead, forgets=forgets, force_rate=rate
         )
         memory = CarryingMemory(
@@ -368,6 +380,7 @@ def settling_sample(row: Sequence[Sample], carry: Carry, time: Scalar) -> list[S
     The shift is that of a critically damped filter whose input stays. The heading keeps
     its turn.
     """
+    # a shift that never settles would divide by zero
     w = maximum(carry.settling, SLOWEST)
     left, moved = exp(-w * time), list[Sample]()
     rows = zip(
@@ -383,13 +396,8 @@ def settling_sample(row: Sequence[Sample], carry: Carry, time: Scalar) -> list[S
             (rate + slope * time) * left,
             (acceleration - w * slope * time) * left,
         )
-        moved.append(
-            (
-                add(planned[0], shift[0]),
-                add(planned[1], shift[1]),
-                add(planned[2], shift[2]),
-            )
-        )
+        p, v, a = sums(planned, shift)
+        moved.append((p, v, a))
     heading = row[3]
     return [
         *moved,
@@ -412,7 +420,7 @@ def held_at(vehicle: Vehicle) -> Frame:
 def tip_of(vehicle: Vehicle, state: State) -> Vec3:
     """Position (m, world axes) of the frame at which a vehicle holds a load."""
     held = frame_pose(vehicle, held_at(vehicle), state.joints, summed=True).p
-    return state.position + state.quaternion.rotation().apply(held)
+    return state.position + state.rotation.apply(held)
 
 
 def planned_acceleration(

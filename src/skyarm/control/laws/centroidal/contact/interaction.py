@@ -9,9 +9,8 @@ the normal: the tip moves along the surface, so that its velocity along n is an 
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from skyarm.algebra import Scalar, Vec3
 from skyarm.algebra.scalars import (
@@ -68,7 +67,7 @@ class Interaction(InteractionGains, OptionalPart):
         return (
             first
             if self.tolerances is None
-            else dataclasses.replace(first, scale=first_scale(joints))
+            else replace(first, scale=first_scale(joints))
         )
 
     def adjust_gains(
@@ -80,12 +79,10 @@ class Interaction(InteractionGains, OptionalPart):
         heard = par.observer.accelerometer
         if heard is None:
             return par
-        heard = dataclasses.replace(
+        heard = replace(
             heard, force=heard.force * (1.0 - (1.0 - PRESSING) * memory.share)
         )
-        return dataclasses.replace(
-            par, observer=dataclasses.replace(par.observer, accelerometer=heard)
-        )
+        return replace(par, observer=replace(par.observer, accelerometer=heard))
 
     def affect(
         self, memory: InteractionMemory, step: Step, effect: Effect
@@ -95,26 +92,26 @@ class Interaction(InteractionGains, OptionalPart):
         """
         if not step.reference.push:
             return memory, effect
-        observed, state, dt, vehicle = (
-            step.seen.observed,
-            step.state,
-            step.dt,
-            step.par.model.vehicle,
-        )
+        observed = step.seen.observed
+        state = step.state
+        dt = step.dt
+        vehicle = step.par.model.vehicle
         then = levers(vehicle, observed.quaternion.rotation(), observed.joints)
-        now = levers(vehicle, state.quaternion.rotation(), state.joints)
+        now = levers(vehicle, state.rotation, state.joints)
         planned = wanted_of(step.reference.push).about_the_pivot(
             state.position + now.R.apply(now.tip)
         )
-        desired = dataclasses.replace(
-            planned, normal=estimated_normal(planned.normal, memory.lean)
-        )
+        desired = replace(planned, normal=estimated_normal(planned.normal, memory.lean))
         velocity = now.velocity(state.velocity, state.rate, state.joint_rates)
         course = Vec3(*(signal.derivative(1) for signal in effect.signals[:3]))
         across = course - desired.normal * desired.normal.dot(course)
         slides: Scalar = across.dot(across) > SLIDES * SLIDES
+        # while it slides friction is at its cone: less compensation would slow the tip
+        # and relieve nothing
         effort = where(slides, 0.0, _effort(vehicle, step.memory.sent))
-        felt, reading, load = None, step.measurement.tip_force, step.memory.parts.load
+        felt = None
+        reading = step.measurement.tip_force
+        load = step.memory.parts.load
         if memory.felt and reading and self.sensing is not None:
             # the sensor measures the weight of a load too, which the surface does not
             # carry
@@ -132,6 +129,8 @@ class Interaction(InteractionGains, OptionalPart):
         memory, pressing = interact(
             self, memory, desired, seen, then, into, effort, dt, felt, moving
         )
+        # until the full force acts the tip still moves along the normal, which is no
+        # lean
         slides = logical_and(slides, memory.share > 1.0 - 1e-9)
         lean = update_lean(
             memory.lean,
@@ -151,7 +150,7 @@ class Interaction(InteractionGains, OptionalPart):
                 effect.unknown.force - pressing.force,
                 memory.bias.force,
             )
-        effect = dataclasses.replace(
+        effect = replace(
             effect,
             signals=shift_reference(pressing, effect.signals),
             unknown=given,
@@ -159,10 +158,11 @@ class Interaction(InteractionGains, OptionalPart):
             external=pressing.engaged,
             pressing=pressing,
         )
+        # until the first contact the lag is estimated all the same
         before = where(memory.free > SETTLED, 1.0 - memory.met, 0.0)
         effect = effect.isolating(contact_cleared(self, memory), before)
         return (
-            dataclasses.replace(memory, lean=vector_data(lean), moving=moving),
+            replace(memory, lean=vector_data(lean), moving=moving),
             effect,
         )
 
@@ -176,15 +176,15 @@ class Interaction(InteractionGains, OptionalPart):
         """Observed disturbance corrected for joint torque scales, and next state with
         their updated estimate.
         """
-        seen, scale, by = disturbance(step.seen.observed), memory.scale, self.tolerances
+        seen = disturbance(step.seen.observed)
+        scale = memory.scale
+        by = self.tolerances
         if not scale or by is None:
             return seen, memory
         # not on the way to the surface either: an observer is late, and would learn of
         # the touch
-        efforts, alone = (
-            step.timing.acted.efforts,
-            logical_not(desired.requests_contact),
-        )
+        efforts = step.timing.acted.efforts
+        alone = logical_not(desired.requests_contact)
         for grasp in step.holds:
             alone = logical_and(alone, grasp < 0.5)
         free = logical_and(alone, logical_or(memory.free > self.rest, scale.met < 0.5))
@@ -192,8 +192,8 @@ class Interaction(InteractionGains, OptionalPart):
         after = scale.learn(
             by, self.errors, at, seen, efforts, desired.normal, free, rate, step.dt
         )
-        after = dataclasses.replace(after, met=maximum(scale.met, memory.touching))
-        return scale.correct(by, self.errors, at, seen, efforts), dataclasses.replace(
+        after = replace(after, met=maximum(scale.met, memory.touching))
+        return scale.correct(by, self.errors, at, seen, efforts), replace(
             memory, scale=after
         )
 
@@ -203,7 +203,7 @@ class Interaction(InteractionGains, OptionalPart):
         """Store the distance of the tip from its reference along the surface normal."""
         if effect.pressing is None:
             return memory
-        return dataclasses.replace(memory, gap=effect.pressing.n.dot(demand.missed))
+        return replace(memory, gap=effect.pressing.n.dot(demand.missed))
 
 
 PRESSING = 0.5
@@ -244,7 +244,8 @@ def _effort(vehicle: Vehicle, sent: Command) -> Scalar:
     """
     most: Scalar = 0.0
     for link, effort in zip(vehicle.links, sent.efforts, strict=True):
-        limit = link.joint.effort_limit  # 0 is none
+        # 0 is none
+        limit = link.joint.effort_limit
         most = maximum(most, where(limit > 0.0, divide(absolute(effort), limit), 0.0))
     for rotor, speed in zip(vehicle.rotors, sent.rotor_speeds, strict=True):
         share = divide(speed, rotor.max_speed)
@@ -268,7 +269,7 @@ def with_slow_wind(
         slow: the same, filtered at ``wind_rate``.
     """
     n = pressing.n
-    return dataclasses.replace(
+    return replace(
         given, force=given.force - n * (n.dot(beside - slow) * pressing.engaged)
     )
 
@@ -292,11 +293,11 @@ STEEPEST = 0.4
 a nominally level surface."""
 
 
-def estimated_normal(told: Vec3, lean: Vec3) -> Vec3:
+def estimated_normal(nominal: Vec3, lean: Vec3) -> Vec3:
     """Unit normal of the surface: the reference's normal corrected by the estimated
     tilt of the surface.
     """
-    n = told + lean
+    n = nominal + lean
     # a reference that has not begun has no normal
     return n * divide(1.0, sqrt(n.dot(n) + 1e-12))
 

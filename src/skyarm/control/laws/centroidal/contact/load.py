@@ -12,8 +12,8 @@ more.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Sym3, Vec3
@@ -44,7 +44,7 @@ from skyarm.control.laws.centroidal.step_records import Effect
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.files import shown
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import immutable, positional
 from skyarm.records.units import Unit
 from skyarm.vehicle import BASE, Body, Vehicle
 
@@ -59,7 +59,7 @@ VAGUE = 1e6
 depends on it, and it stays zero."""
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@positional
 class Hang:
     """Regressor of a tip load: wrench on base and joints per kg and per N m of
     horizontal torque.
@@ -120,7 +120,8 @@ def missing(vehicle: Vehicle, gains: LoadGains, at: Hang, rest: Disturbance) -> 
     """Unmodelled tip load that best explains a disturbance: mass (kg) and horizontal
     torque (N m).
     """
-    squares, errors = LeastSquares(3), gains.errors
+    squares = LeastSquares(3)
+    errors = gains.errors
     squares.require((at.lift, 0, 0), rest.force.z, 1)
     for turned, torque in zip(zip(*at.turning, strict=True), rest.torque, strict=True):
         squares.require(turned, torque, divide(1.0, errors.base * errors.base))
@@ -169,10 +170,13 @@ def learn_load(
     )
     m = clip(memory.mass + step * mass, 0.0, gains.limit)
     slow = _step(gains.place_pace, bandwidth, holds, learns, dt) * (1.0 - large)
+    # torque over weight is the place; a light load's torque is mostly noise, so its
+    # place moves slowly, and without gravity nothing tells it
     per_weight = divide(m, (m * m + least * least) * maximum(model.gravity, 1e-3))
     off = at.tip.apply_T(UP.cross(Vec3(about_x, about_y, 0))) * (-slow * per_weight)
     far = gains.furthest
     place = Vec3(*(clip(each, -far, far) for each in memory.place + off))
+    # a load that is held would be learned as the bias, and be gone from the estimate
     share = where(holds, 0.0, low_pass_share(gains.bias_rate, dt)) * learns
     after = LoadMemory(
         mass=where(holds, m, 0.0),
@@ -315,11 +319,9 @@ class LoadGains(OptionalPart):
             com=com,
             inertia=Sym3(about, about, about),
         )
-        par = dataclasses.replace(
+        par = replace(
             par,
-            model=dataclasses.replace(
-                par.model, vehicle=vehicle.with_body(tip.link, load)
-            ),
+            model=replace(par.model, vehicle=vehicle.with_body(tip.link, load)),
         )
         share = 1.0 - (1.0 - HOLDING) * self.load_share(memory.mass)
         return at_shares(par, share, share)
@@ -350,6 +352,7 @@ class LoadGains(OptionalPart):
                 where(holds, 1.0, contact_cleared(contact, before.parts.interaction)),
             )
         R = observed.quaternion.rotation()
+        # the mass is found from both, so no faster than the slower of them
         bandwidth = minimum(par.observer.force, par.observer.joints)
         at = hang(par.model.vehicle, R, observed.joints, par.model.gravity)
         load, resting = learn_load(
@@ -364,13 +367,9 @@ class LoadGains(OptionalPart):
         # there the load is nearly all of the inertia, and the grasp is elastic: turn
         # these links gently
         calm = tuple(1.0 - mul(1.0 - self.links, share) for share in shares)
-        unknown, force = (
-            dataclasses.replace(unknown, efforts=efforts),
-            effect.force + resting.force,
-        )
-        return load, dataclasses.replace(
-            effect, unknown=unknown, force=force, links=calm
-        )
+        unknown = replace(unknown, efforts=efforts)
+        force = effect.force + resting.force
+        return load, replace(effect, unknown=unknown, force=force, links=calm)
 
     def load_share(self, mass: Scalar) -> Scalar:
         """0 without a load, nearly 1 with a heavy one: m^2 / (m^2 + m_0^2), m_0 a part
@@ -429,9 +428,7 @@ def load_gains(limit: float, vehicle: Vehicle) -> LoadGains:
         )
     gains, lever = LoadGains(limit=limit), _last_lever(vehicle)
     wrist = lever.dot(lever) < gains.bulk * gains.bulk
-    return dataclasses.replace(
-        gains, inertia_share=where(wrist, gains.inertia_share, 1.0)
-    )
+    return replace(gains, inertia_share=where(wrist, gains.inertia_share, 1.0))
 
 
 def _last_lever(vehicle: Vehicle) -> Vec3:

@@ -100,7 +100,7 @@ def _interaction(gains: LawOptions, vehicle: Vehicle, *, leads: bool) -> Interac
             " interaction"
         )
     (touch, lost), (torques, masses) = gains["interaction"], gains["tolerances"]
-    geared = any(float(link.joint.armature) > 0.0 for link in vehicle.links)
+    geared = any(float(joint.armature) > 0.0 for joint in vehicle.joints)
     return Interaction(
         touch=touch,
         lost=lost,

@@ -100,7 +100,8 @@ class SidewaysForce(RotorForce):
         """Force (N, world axes) that the rotors can give at this attitude, or its first
         derivative (N/s).
         """
-        order, series = len(force) - 1, vector_series(force)
+        order = len(force) - 1
+        series = vector_series(force)
         turning = [
             [R.column(k), R.apply(w.cross(axis))]
             for k, axis in enumerate((E_X, E_Y, E_Z))
@@ -136,6 +137,8 @@ def gauge(reach: RotorReach, force: Vec3) -> Taylor:
     total: Any = 0
     for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
         upward, change = force.z * row.z, force.x * row.x + force.y * row.y
+        # a rotor that is to push more has the room up to its limit, else that down to
+        # rest
         room = choose(change > 0.0, upward * -1 + top, upward)
         room = choose(room > least, room, least)
         share = change / room
@@ -188,6 +191,7 @@ def slightest(reach: RotorReach, vertical: Taylor) -> Taylor:
     total: Any = 0
     for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
         upward, size = vertical * row.z, row.x * row.x + row.y * row.y
+        # the worst direction may use the room on either side
         for room in (upward, upward * -1 + top):
             inverse = 1.0 / choose(room > least, room, least)
             share = _square(_square(inverse) * size)
