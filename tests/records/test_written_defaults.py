@@ -242,7 +242,7 @@ PAGES: list[tuple[str, str, str, Tables]] = [
     ),
     ("scenario_files", f"{WORDS} initial", "initial", standing()),
     *(
-        ("carry_together", f"{RECORD}.world.team.{law}:{kind} -", "team", team(law))
+        ("team_laws", f"{RECORD}.world.team.{law}:{kind} -", "team", team(law))
         for law, kind in (
             ("object_wrench", "ObjectWrench"),
             ("leader_follower", "LeaderFollower"),
