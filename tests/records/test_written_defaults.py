@@ -281,8 +281,8 @@ PAGES: list[tuple[str, str, str, Tables]] = [
         world(objects=[BOX], grippers=[{"name": "magnet"}]),
     ),
     (
-        "mechanisms",
-        "| `[[world.mechanisms]]` |",
+        "scenario_mechanisms",
+        f"{RECORD}.world.contact:Mechanism -->",
         "world.mechanisms.0",
         world(mechanisms=[DOOR]),
     ),
