@@ -281,6 +281,16 @@ PAGES: list[tuple[str, str, str, Tables]] = [
         world(objects=[BOX], grippers=[{"name": "magnet"}]),
     ),
     (
+        "scenario_phases",
+        "<!-- generated: guard others",
+        "reference.base.phases.0.until",
+        moved(
+            kind="phases",
+            position=[0.0, 0.0, 2.0],
+            phases=[{"kind": "hold", "duration": 1.0, "until": {"error": 0.1}}],
+        ),
+    ),
+    (
         "scenario_mechanisms",
         f"{RECORD}.world.contact:Mechanism -->",
         "world.mechanisms.0",
