@@ -427,6 +427,25 @@ def hand_rows(
     ]
 
 
+def phases_block() -> str:
+    """Keys of the phases of a task, those of every phase first."""
+    words = {"`every`": "every", "`contact`": "in contact"}
+    rows = [
+        (words.get(kinds, kinds.replace(", ", "`, `")), *cells)
+        for kinds, *cells in hand_rows(word_texts.PHASES, kinds=True)
+    ]
+    return table(("phase", *FIELD_HEADS), rows)
+
+
+def guard_block(part: str) -> str:
+    """Keys of ``until`` of a phase: its conditions, or the others."""
+    rows = hand_rows(
+        (each for each in word_texts.GUARDS if each.kind == part), kinds=False
+    )
+    assert rows, f"no keys {part}"
+    return table(FIELD_HEADS, rows)
+
+
 def kinds_of_keys(kind: str, at: str) -> str:
     """Keys of all signals, or of the motions that are no tasks, one kind after the
     other.
@@ -778,6 +797,8 @@ KINDS: dict[str, Callable[..., str]] = {
     "words": words_block,
     "signals": lambda: kinds_of_keys("signal", "SIGNAL"),
     "motions": lambda: kinds_of_keys("motion", "reference.base"),
+    "phases": phases_block,
+    "guard": guard_block,
     "vehicle": vehicle_block,
     "kinds": kinds_block,
     "presets": presets_block,
