@@ -66,7 +66,8 @@ def test_the_menu_names_every_page_once_and_no_other() -> None:
         "api/index.md",
     }
     assert set(menu) - made - ROOM <= here
-    assert here <= set(menu)
+    # data pages are linked from the page whose numbers they hold
+    assert {name for name in here if not name.startswith("data/")} <= set(menu)
     assert made <= set(menu)
 
 
