@@ -58,7 +58,6 @@ UNMEASURED = {
     "letter": "letters of an equation",
     "team": "vehicles and bodies of the rows, described",
     "axis": "trials of the suite, described",
-    "table": "what a dash means in which table",
     "settings": "what the two columns of the paper's tables assume",
     "scenario": "the paper's experiments, described",
     "what": "assumptions of the reproduction",
