@@ -68,7 +68,6 @@ UNMEASURED = {
     "property": "properties of the cache of machine code",
     "question": "where a page answers it",
     "vehicle": "sources and licences of logs",
-    "name in the output": "kinds of prediction, described",
 }
 """First head of a table of a results page that is not measured -> what it is about."""
 
