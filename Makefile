@@ -33,7 +33,7 @@ help:
 	@echo "make digests      every flight of the paper's cases against the digest it had: some twenty minutes"
 	@echo "make mutants      change 300 drawn lines, one at a time, and name those no test sees: hours; WORKERS=$(WORKERS) processes"
 	@echo "make bench        measure every engine, many flights, first and repeated ones, here; BENCH=$(BENCH) is the file of the numbers"
-	@echo "make peers        fly the other libraries of the bench once, in $(PEERS): two minutes; docs/data/performance.md has the long form"
+	@echo "make peers        fly the other libraries of the bench once, in $(PEERS): two minutes; docs/performance.md has the long form"
 	@echo "make ray          sweeps on a Ray cluster of two nodes on this machine, one of them killed, in $(RAY): some minutes"
 	@echo "make warp         step every exported vehicle in MuJoCo Warp, on the CPU, and Newton beside MuJoCo, in $(WARP): some minutes"
 	@echo "make real         identify on half of each public flight, predict the other; fetches 20 MB into out/real once, or REAL_LOGS=FOLDER; a quarter of an hour; no gate of 'make all'"

@@ -23,7 +23,6 @@ from shown_commands import (
     run_shown,
     words_to_run,
 )
-from skyarm.studies.compare.envelope_axes import VEHICLES
 from skyarm.studies.compare.perturbed_plants import Spread
 from support.commands import skyarm
 from support.components import registry_kept

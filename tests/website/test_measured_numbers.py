@@ -42,7 +42,7 @@ PAGES = {
 RESULTS = [
     name
     for name in PAGES
-    if name.startswith(("results_", "data/"))
+    if name.startswith(("results", "data/"))
     or name in {"performance.md", "the_paper.md"}
 ]
 HERE = [each for each in entries().values() if not each.elsewhere]

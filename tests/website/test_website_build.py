@@ -373,7 +373,7 @@ def test_a_page_of_the_repository_keeps_its_text() -> None:
     pytest.importorskip("latex2mathml", reason="of the extra docs")
     name, text = staged(ROOT / "README.md", None, {})
     assert name == "readme.md"
-    assert "](the_paper.md#what-the-paper-leaves-open)" in text
+    assert "](the_paper.md)" in text
     assert "](extending.md)" in text
 
 
