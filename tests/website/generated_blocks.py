@@ -62,6 +62,8 @@ from skyarm.scenario.grammar import (
     entry_in_words,
     grammar,
 )
+from skyarm.studies.compare.envelope_axes import AXES
+from skyarm.studies.compare.survive_trials import TRIALS as SURVIVED
 from skyarm.vehicle.attach import Mimic
 from skyarm.vehicle.linkage import Body, Joint
 from skyarm.vehicle.tilt import Tilt
@@ -768,6 +770,21 @@ def checks_block(part: str) -> str:
     return table(("question", "may end as", "what is computed", "usual remedy"), rows)
 
 
+def trials_block(suite: str) -> str:
+    """Trials of the envelope or of the survive suite, with their values as the tables
+    of results show them.
+    """
+    head = {"envelope": "axis", "survive": "condition"}[suite]
+    rows = []
+    for name, trial in (AXES if suite == "envelope" else SURVIVED).items():
+        scale = getattr(trial, "shown", 1.0)
+        values = ", ".join(f"{value * scale:g}" for value in trial.values)
+        noisy = "yes" if trial.noisy else "no"
+        unit = trial.unit.removesuffix(" late")
+        rows.append((f"`{name}`", trial.title, values, unit, noisy))
+    return table((head, "flown", "values", "unit", "noisy"), rows)
+
+
 def menu_block() -> str:
     """Menu of the site as a list, for readers of the pages as they lie."""
     menu = yaml.safe_load((DOCS.parent / "mkdocs.yml").read_text("utf-8"))["nav"]
@@ -812,6 +829,7 @@ KINDS: dict[str, Callable[..., str]] = {
     "python": python_block,
     "checks": checks_block,
     "menu": menu_block,
+    "trials": trials_block,
 }
 """Kind of a block -> function of its words that returns the table."""
 
