@@ -30,11 +30,14 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.vehicle.vehicle_tables import vehicle_from
 from support.pages import DOCS, cells_of
 from support.teams import TEAMS
+from website.generated_blocks import made
 
 Tables = dict[str, Any]
 
 WORDS = "<!-- generated: words"
 RECORD = "<!-- generated: record skyarm"
+MADE = ""
+"""In place of a page: the head is that of a block, made afresh."""
 
 SENSORS: Tables = {
     "imu": {"kind": "imu"},
@@ -251,16 +254,11 @@ PAGES: list[tuple[str, str, str, Tables]] = [
     ),
     ("autopilots", "| option of `[controller]` |", "controller", flown_by("px4")),
     ("autopilots", "| field of `gains` |", "controller.gains", flown_by("betaflight")),
+    (MADE, "words reference.governor", "reference.governor", governed()),
+    (MADE, "record skyarm.reference.tip_plan:TipChoices", "reference.tip", led()),
     (
-        "path_governor",
-        "| field | meaning | raise it when |",
-        "reference.governor",
-        governed(),
-    ),
-    ("tip_and_tasks", "| `[reference.tip]` |", "reference.tip", led()),
-    (
-        "tip_and_tasks",
-        "| limit | unit |",
+        MADE,
+        "record skyarm.reference.waypoints:FlightLimits",
         "reference.base",
         moved(kind="waypoints", points=[[0, 0, 1], [1, 0, 1]]),
     ),
@@ -385,8 +383,11 @@ def literal(cell: str, kind: str) -> Any:
 
 def defaults(page: str, head: str) -> Iterator[tuple[str, Any]]:
     """Field and default of every row of a table that has a default to write."""
-    text = (DOCS / f"{page}.md").read_text("utf-8")
-    block = text[text.index("|", text.index(head)) :].split("\n\n")[0]
+    if page == MADE:
+        block = made(head)
+    else:
+        text = (DOCS / f"{page}.md").read_text("utf-8")
+        block = text[text.index("|", text.index(head)) :].split("\n\n")[0]
     at = [
         cell.strip() for cell in block.splitlines()[0].strip("| ").split(" | ")
     ].index("default")

@@ -17,7 +17,7 @@ FUNCTIONS = {
     "fly": {
         "run": "first_flight.md",
         "replay": "logs.md",
-        "govern": "path_governor.md",
+        "govern": "tip_and_tasks.md",
         "with_numbers": "add_a_law.md",
         "compare": "comparing_laws.md",
         "fly_sweep": "sweeps.md",

@@ -57,6 +57,7 @@ ELSEWHERE |= {name: tests for name, tests in OTHERS.items() if name in PAGES}
 TABLES = {
     ("several_vehicles.md", "toml"): "tests/world/test_teams.py",
     ("pressing.md", "toml"): "tests/control/test_gripping.py",
+    ("comply.md", "toml"): "tests/control/test_gripping.py",
     ("identification.md", "toml"): "tests/flight_data/test_table_file.py",
     ("phases.md", "toml"): "tests/simulate/test_sensed_guards.py",
     ("sensors.md", "toml"): "tests/sensing/test_force_sensors.py",
@@ -97,7 +98,6 @@ SLOW = {
     "coming_from.md",
     "command_line.md",
     "comparing_laws.md",
-    "delays.md",
     "disturbances_and_payloads.md",
     "environments.md",
     "export_c.md",
@@ -106,7 +106,6 @@ SLOW = {
     "how_a_flight_works.md",
     "laws.md",
     "margins.md",
-    "path_governor.md",
     "phases.md",
     "plan_a_flight.md",
     "planning_tasks.md",
