@@ -27,6 +27,7 @@ from percent_scripts import cells, run_script
 from shown_pages import FRONT, PAGES, WITH_CODE, flown, missing_programs, own_blocks
 
 from shown_commands import ELSEWHERE as ELSEWHERE_COMMANDS
+from skyarm.records.registry.shipped import SHIPPED
 
 ELSEWHERE: dict[str, tuple[str, ...]] = {
     "in_python.md": (
@@ -105,7 +106,7 @@ SLOW = {
     "first_flight.md",
     "in_python.md",
     "how_a_flight_works.md",
-    "laws.md",
+    *(f"laws/{law}.md" for law in SHIPPED["law"]),
     "margins.md",
     "path_governor.md",
     "phases.md",
