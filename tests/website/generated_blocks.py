@@ -93,6 +93,7 @@ DOCS = ROOT / "docs"
 DOCUMENTS = tomllib.loads(
     Path(__file__).with_name("document_keys.toml").read_text("utf-8")
 )
+EQUATIONS = tomllib.loads(Path(__file__).with_name("equations.toml").read_text("utf-8"))
 BLOCK = re.compile(
     r"^<!-- generated: ([^\n]*?) -->\n(.*?)^<!-- /generated -->$", re.M | re.S
 )
@@ -803,6 +804,20 @@ def checks_block(part: str) -> str:
     return table(("question", "may end as", "what is computed", "usual remedy"), rows)
 
 
+def equations_block(group: str) -> str:
+    """Equations with source and function; tests_of_equations.py has their tests."""
+    rows = [
+        (
+            row["quantity"],
+            f"$`{row['equation']}`$",
+            row["source"],
+            f"[`{Path(row['file']).stem}.{row['function']}`](../{row['file']})",
+        )
+        for row in EQUATIONS[group]
+    ]
+    return table(("quantity", "equation", "source", "function"), rows)
+
+
 def menu_block() -> str:
     """Menu of the site as a list, for readers of the pages as they lie."""
     menu = yaml.safe_load((DOCS.parent / "mkdocs.yml").read_text("utf-8"))["nav"]
@@ -845,6 +860,7 @@ KINDS: dict[str, Callable[..., str]] = {
     "methods": methods_block,
     "python": python_block,
     "checks": checks_block,
+    "equations": equations_block,
     "menu": menu_block,
 }
 """Kind of a block -> function of its words that returns the table."""
