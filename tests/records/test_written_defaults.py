@@ -242,7 +242,7 @@ PAGES: list[tuple[str, str, str, Tables]] = [
     ),
     ("scenario_files", f"{WORDS} initial", "initial", standing()),
     *(
-        ("carry_together", f"{RECORD}.world.team.{law}:{kind} -", "team", team(law))
+        ("team_laws", f"{RECORD}.world.team.{law}:{kind} -", "team", team(law))
         for law, kind in (
             ("object_wrench", "ObjectWrench"),
             ("leader_follower", "LeaderFollower"),
@@ -281,8 +281,18 @@ PAGES: list[tuple[str, str, str, Tables]] = [
         world(objects=[BOX], grippers=[{"name": "magnet"}]),
     ),
     (
-        "mechanisms",
-        "| `[[world.mechanisms]]` |",
+        "scenario_phases",
+        "<!-- generated: guard others",
+        "reference.base.phases.0.until",
+        moved(
+            kind="phases",
+            position=[0.0, 0.0, 2.0],
+            phases=[{"kind": "hold", "duration": 1.0, "until": {"error": 0.1}}],
+        ),
+    ),
+    (
+        "scenario_mechanisms",
+        f"{RECORD}.world.contact:Mechanism -->",
         "world.mechanisms.0",
         world(mechanisms=[DOOR]),
     ),

@@ -75,6 +75,8 @@ from skyarm.scenario.grammar import (
     entry_in_words,
     grammar,
 )
+from skyarm.studies.compare.envelope_axes import AXES
+from skyarm.studies.compare.survive_trials import TRIALS as SURVIVED
 from skyarm.vehicle.attach import Mimic
 from skyarm.vehicle.linkage import Body, Joint
 from skyarm.vehicle.tilt import Tilt
@@ -482,6 +484,25 @@ def hand_rows(
     ]
 
 
+def phases_block() -> str:
+    """Keys of the phases of a task, those of every phase first."""
+    words = {"`every`": "every", "`contact`": "in contact"}
+    rows = [
+        (words.get(kinds, kinds.replace(", ", "`, `")), *cells)
+        for kinds, *cells in hand_rows(word_texts.PHASES, kinds=True)
+    ]
+    return table(("phase", *FIELD_HEADS), rows)
+
+
+def guard_block(part: str) -> str:
+    """Keys of ``until`` of a phase: its conditions, or the others."""
+    rows = hand_rows(
+        (each for each in word_texts.GUARDS if each.kind == part), kinds=False
+    )
+    assert rows, f"no keys {part}"
+    return table(FIELD_HEADS, rows)
+
+
 def kinds_of_keys(kind: str, at: str) -> str:
     """Keys of all signals, or of the motions that are no tasks, one kind after the
     other.
@@ -818,6 +839,21 @@ def equations_block(group: str) -> str:
     return table(("quantity", "equation", "source", "function"), rows)
 
 
+def trials_block(suite: str) -> str:
+    """Trials of the envelope or of the survive suite, with their values as the tables
+    of results show them.
+    """
+    head = {"envelope": "axis", "survive": "condition"}[suite]
+    rows = []
+    for name, trial in (AXES if suite == "envelope" else SURVIVED).items():
+        scale = getattr(trial, "shown", 1.0)
+        values = ", ".join(f"{value * scale:g}" for value in trial.values)
+        noisy = "yes" if trial.noisy else "no"
+        unit = trial.unit.removesuffix(" late")
+        rows.append((f"`{name}`", trial.title, values, unit, noisy))
+    return table((head, "flown", "values", "unit", "noisy"), rows)
+
+
 def menu_block() -> str:
     """Menu of the site as a list, for readers of the pages as they lie."""
     menu = yaml.safe_load((DOCS.parent / "mkdocs.yml").read_text("utf-8"))["nav"]
@@ -848,6 +884,8 @@ KINDS: dict[str, Callable[..., str]] = {
     "words": words_block,
     "signals": lambda: kinds_of_keys("signal", "SIGNAL"),
     "motions": lambda: kinds_of_keys("motion", "reference.base"),
+    "phases": phases_block,
+    "guard": guard_block,
     "vehicle": vehicle_block,
     "kinds": kinds_block,
     "presets": presets_block,
@@ -862,6 +900,7 @@ KINDS: dict[str, Callable[..., str]] = {
     "checks": checks_block,
     "equations": equations_block,
     "menu": menu_block,
+    "trials": trials_block,
 }
 """Kind of a block -> function of its words that returns the table."""
 

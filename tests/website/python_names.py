@@ -141,7 +141,7 @@ CLASSES = {
         "Drive": "add_a_drive.md",
         "Ending": "add_an_ending.md",
         "Metric": "add_a_metric.md",
-        "Team": "carry_together.md",
+        "Team": "team_laws.md",
         "LogFormat": "add_a_log_format.md",
     },
     "numbers": {

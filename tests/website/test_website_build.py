@@ -75,7 +75,8 @@ def test_the_menu_names_every_page_once_and_no_other() -> None:
         "api/index.md",
     }
     assert set(menu) - made - ROOM <= here
-    assert here <= set(menu)
+    # data pages are linked from the page whose numbers they hold
+    assert {name for name in here if not name.startswith("data/")} <= set(menu)
     assert made <= set(menu)
 
 
@@ -404,7 +405,7 @@ def test_a_page_of_the_repository_keeps_its_text() -> None:
     pytest.importorskip("latex2mathml", reason="of the extra docs")
     name, text = staged(ROOT / "README.md", None, {})
     assert name == "readme.md"
-    assert "](the_paper.md#what-the-paper-leaves-open)" in text
+    assert "](the_paper.md)" in text
     assert "](extending.md)" in text
 
 

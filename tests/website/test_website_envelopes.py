@@ -1,5 +1,5 @@
-"""The tables of docs/results_laws.md are what flights give; every law has its card in
-docs/laws, diagram and row.
+"""The tables of docs/data/results_laws.md are what flights give; every law has its card
+in docs/laws, diagram and row.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ OTHERS = {
 }
 ELSEWHERE |= {name: tests for name, tests in OTHERS.items() if name in PAGES}
 TABLES = {
-    ("carry_together.md", "toml"): "tests/world/test_teams.py",
+    ("several_vehicles.md", "toml"): "tests/world/test_teams.py",
     ("pressing.md", "toml"): "tests/control/test_gripping.py",
     ("identification.md", "toml"): "tests/flight_data/test_table_file.py",
     ("phases.md", "toml"): "tests/simulate/test_sensed_guards.py",
@@ -93,7 +93,6 @@ SLOW = {
     "add_a_world_part.md",
     "add_an_ending.md",
     "autopilots.md",
-    "carry_together.md",
     "choose_a_law.md",
     "coming_from.md",
     "command_line.md",
