@@ -27,6 +27,7 @@ from percent_scripts import cells, run_script
 from shown_pages import FRONT, PAGES, WITH_CODE, flown, missing_programs, own_blocks
 
 from shown_commands import ELSEWHERE as ELSEWHERE_COMMANDS
+from skyarm.records.registry.shipped import SHIPPED
 
 ELSEWHERE: dict[str, tuple[str, ...]] = {
     "in_python.md": (
@@ -63,7 +64,6 @@ TABLES = {
     ("sensors.md", "toml"): "tests/sensing/test_force_sensors.py",
     ("tip_and_tasks.md", "toml"): "tests/test_docs_of_tasks.py",
     ("scenario_files.md", "toml"): "tests/test_docs.py",
-    ("centroidal_law_specification.md", "toml"): "tests/control/test_level_flights.py",
     ("tuning.md", "toml"): "tests/studies/tune/test_files_of_gains_shown.py",
     ("sweeps.md", "toml"): "tests/test_docs_pictures.py",
     ("your_vehicle.md", "toml"): "tests/cli/test_mounted_arm.py",
@@ -104,7 +104,7 @@ SLOW = {
     "first_flight.md",
     "in_python.md",
     "how_a_flight_works.md",
-    "laws.md",
+    *(f"laws/{law}.md" for law in SHIPPED["law"]),
     "margins.md",
     "phases.md",
     "plan_a_flight.md",
