@@ -192,12 +192,12 @@ def test_what_cannot_be_tuned_is_refused_in_one_line(tuned, words, said):
 def test_a_scenario_is_told_from_a_vehicle(tmp_path):
     from skyarm.cli.tune_command import tuning_inputs
 
-    assert tuning_inputs("case3", None).words == {"preset": "paper_ct"}
+    assert tuning_inputs("case3", None).law_table == {"preset": "paper_ct"}
     assert tuning_inputs("hummingbird", None).label == "centroidal_joint"
-    assert tuning_inputs("pelican_arm2", "centroidal_tip").words == {
+    assert tuning_inputs("pelican_arm2", "centroidal_tip").law_table == {
         "preset": "centroidal_tip"
     }
-    assert tuning_inputs("case3", "decoupled_pd_tuned").words == {
+    assert tuning_inputs("case3", "decoupled_pd_tuned").law_table == {
         "law": "decoupled_pd",
         "tuned": True,
     }
