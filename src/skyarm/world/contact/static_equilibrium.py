@@ -408,7 +408,7 @@ def _set_down(
         )
     x = _descend(body, supports, x, index)
     equilibrium = _settle(supports.residual, supports.pushes, x)
-    if equilibrium is None:  # on a slope a level body stands on its upper edge alone
+    if equilibrium is None:
         # on a slope a level body stands on its upper edge alone
         rotation = body.frame(body.start()).rotation
         x = np.array(
