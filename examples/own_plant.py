@@ -1,4 +1,4 @@
-"""A plant of one's own: a point that tilts at once, for laws that are to be tried without rotors' lag."""
+"""A plant of your own: a point that tilts at once, for laws that are to be tried without rotors' lag."""
 
 import skyarm
 from skyarm.plant.compiled import RigidBodyPlant
