@@ -314,6 +314,34 @@ def test_the_lines_that_a_wrong_law_gets_are_those_of_the_page(words: str) -> No
     assert any(words in each for each in known), words
 
 
+SYMPTOMS = [
+    word
+    for row in re.findall(
+        r"^\| (.*?) \|",
+        (DOCS / "add_a_law.md").read_text("utf-8").partition("## If it fails")[2],
+        re.MULTILINE,
+    )
+    for word in re.findall("`([^`]+)`", row)
+]
+
+
+def test_the_lines_that_the_page_on_laws_names_as_symptoms_stand_in_the_source() -> (
+    None
+):
+    """At least three words of each in their order; names and numbers are those of the
+    page.
+    """
+    source = "\n".join(
+        path.read_text("utf-8")
+        for path in sorted(Path(skyarm.__file__).parent.rglob("*.py"))
+    )
+    source = re.sub(r'"\s*\n\s*f?"', "", source)
+    assert SYMPTOMS
+    for words in (line.split() for line in SYMPTOMS if line.count(" ") > 1):
+        runs = [" ".join(words[k : k + 3]) for k in range(len(words) - 2)]
+        assert any(run.rstrip(":;,") in source for run in runs), " ".join(words)
+
+
 def test_all_kinds_of_mistakes_are_on_the_page() -> None:
     assert len(MISTAKES) == 10
 
