@@ -249,8 +249,13 @@ PAGES: list[tuple[str, str, str, Tables]] = [
             ("decentralised", "Decentralised"),
         )
     ),
-    ("autopilots", "| option of `[controller]` |", "controller", flown_by("px4")),
-    ("autopilots", "| field of `gains` |", "controller.gains", flown_by("betaflight")),
+    ("autopilots", "<!-- generated: law px4", "controller", flown_by("px4")),
+    (
+        "autopilots",
+        f"{RECORD}.links.autopilots.angle_control:AngleGains",
+        "controller.gains",
+        flown_by("betaflight"),
+    ),
     (
         "path_governor",
         "| field | meaning | raise it when |",
