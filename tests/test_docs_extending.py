@@ -54,7 +54,7 @@ def test_each_kind_that_can_be_registered_leads_to_an_example_or_a_page() -> Non
     rows = re.findall(r"^\| `(\w+)` \|.*\]\(([^)]+)\) \|$", table, re.MULTILINE)
     assert [kind for kind, _ in rows] == list(KINDS)
     shown = {FOLDER / Path(link).name for _, link in rows if "../examples/" in link}
-    assert shown == {*RECIPES, FOLDER / "own_plant.py"}
+    assert shown == {*RECIPES}
     for kind, link in rows:
         if "../examples/" in link:
             text = (FOLDER / Path(link).name).read_text("utf-8")
