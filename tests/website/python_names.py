@@ -17,7 +17,7 @@ FUNCTIONS = {
     "fly": {
         "run": "first_flight.md",
         "replay": "logs.md",
-        "govern": "path_governor.md",
+        "govern": "tip_and_tasks.md",
         "with_numbers": "add_a_law.md",
         "compare": "comparing_laws.md",
         "fly_sweep": "sweeps.md",
@@ -141,7 +141,7 @@ CLASSES = {
         "Drive": "../examples/own_drive.py",
         "Ending": "../examples/own_ending.py",
         "Metric": "../examples/own_metric.py",
-        "Team": "carry_together.md",
+        "Team": "team_laws.md",
         "LogFormat": "../examples/own_log_format.py",
     },
     "numbers": {
