@@ -252,8 +252,13 @@ PAGES: list[tuple[str, str, str, Tables]] = [
             ("decentralised", "Decentralised"),
         )
     ),
-    ("autopilots", "| option of `[controller]` |", "controller", flown_by("px4")),
-    ("autopilots", "| field of `gains` |", "controller.gains", flown_by("betaflight")),
+    ("autopilots", "<!-- generated: law px4", "controller", flown_by("px4")),
+    (
+        "autopilots",
+        f"{RECORD}.links.autopilots.angle_control:AngleGains",
+        "controller.gains",
+        flown_by("betaflight"),
+    ),
     (MADE, "words reference.governor", "reference.governor", governed()),
     (MADE, "record skyarm.reference.tip_plan:TipChoices", "reference.tip", led()),
     (

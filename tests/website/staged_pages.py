@@ -235,26 +235,44 @@ def staged_text(text: str, page: Path, name: str, recordings: Path | None) -> st
 
 
 def example_page(path: Path) -> str:
-    """The page of an example: its first line as text, and all of it as code."""
-    code = path.read_text("utf-8")
-    return f"# {path.name}\n\n```python\n{code.rstrip()}\n```\n"
+    """The page of an example: what its first lines say as text, then its code."""
+    words, code = _words_and_code(path)
+    first, _, rest = words.partition("\n")
+    said = f"{first.rstrip('.')}.\n\n{rest.strip()}".strip()
+    flies = "__main__" in code or not PARTS.search(code)
+    command = f"```sh\npython examples/{path.name}\n```\n\n" if flies else ""
+    return f"# {path.name}\n\n{said}\n\n{command}```python\n{code}\n```\n"
+
+
+def _words_and_code(path: Path) -> tuple[str, str]:
+    """Docstring of an example, and what follows it."""
+    _, words, code = path.read_text("utf-8").split('"""', 2)
+    return words.strip(), code.strip()
+
+
+PARTS = re.compile(r"skyarm\.register\.|-> skyarm\.Controller")
+"""Code of an example that adds a part to the library."""
 
 
 def examples_index(paths: list[Path]) -> str:
     """The page that lists the examples by what their first lines say."""
-    rows = []
-    for path in paths:
-        first = (
-            path.read_text("utf-8").split('"""')[1].strip().splitlines()[0].rstrip(".")
-        )
-        rows.append(f"| [{path.name}]({path.stem}.md) | {first.replace('|', '')} |")
-    head = (
-        "# Examples\n\nEach is one file of at most forty lines, in the folder"
-        " `examples` of the repository.\n\n"
-    )
+    parts = [path for path in paths if PARTS.search(path.read_text("utf-8"))]
+    others = [path for path in paths if path not in parts]
     return (
-        head
-        + "| file | what it adds or does |\n| --- | --- |\n"
-        + "\n".join(rows)
-        + "\n"
+        "# Recipes and examples\n\nEach is one commented file in the folder `examples`"
+        " of the repository. A file that adds a part is a plugin. Most are programs,"
+        " too: `python examples/own_wind.py` flies the part, and prints what stands"
+        " beside its `print` lines.\n\n"
+        f"## Parts of your own\n\n{_listed(parts, 'what it adds')}\n"
+        f"## Flights and training\n\n{_listed(others, 'what it does')}"
     )
+
+
+def _listed(paths: list[Path], column: str) -> str:
+    """Table of examples with the first line of each."""
+    firsts = [_words_and_code(path)[0].splitlines()[0] for path in paths]
+    rows = [
+        f"| [{path.name}]({path.stem}.md) | {first.rstrip('.').replace('|', '')} |"
+        for path, first in zip(paths, firsts, strict=True)
+    ]
+    return f"| file | {column} |\n| --- | --- |\n" + "\n".join(rows) + "\n"
