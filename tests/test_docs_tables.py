@@ -14,7 +14,9 @@ import pytest
 from skyarm.dynamics.actuators.servo import PositionServo, Servo, VelocityServo
 from skyarm.records.registry.shipped import SHIPPED
 from skyarm.scenario.endings import STATUSES
-from skyarm.sensing.channel import Channel
+from skyarm.sensing import navigation_sensors, sensor_kinds
+from skyarm.sensing.channel import Channel, Dropouts
+from skyarm.sensing.estimate.filter_constants import FilterNumbers
 from skyarm.vehicle.battery import Battery
 from skyarm.vehicle.thrust_table import COLUMNS
 from support.pages import DOCS, rows_of
@@ -34,6 +36,13 @@ def named(cells: str) -> list[str]:
 @pytest.mark.parametrize(
     ("page", "head", "kinds", "left_out"),
     [
+        ("sensors.md", "| error | meaning | unit |", (Channel,), set[str]()),
+        (
+            "sensors.md",
+            "| field | meaning | unit | default |",
+            (FilterNumbers,),
+            {"vehicle"},
+        ),
         (
             "actuators.md",
             f"<!-- generated: record {SERVO}:PositionServo",
@@ -64,6 +73,7 @@ def test_a_table_lists_every_field(
 @pytest.mark.parametrize(
     ("page", "head", "kind"),
     [
+        ("sensors.md", "| field | meaning | unit | default |", FilterNumbers),
         (
             "actuators.md",
             "<!-- generated: record skyarm.vehicle.battery:Battery -->",
@@ -96,10 +106,29 @@ def test_defaults_of_a_table_are_those_of_the_fields(
     assert seen >= 3
 
 
-def test_the_page_on_sensors_names_every_kind_and_error() -> None:
+def test_the_page_on_sensors_lists_kinds_and_dropouts() -> None:
+    rows = rows_of(
+        "sensors.md",
+        "| kind | channels | names in the log | fields of its own | frequency |",
+    )
+    assert {named(row[0])[0] for row in rows} == set(SHIPPED["sensor"]) - {"full_state"}
+    text = " ".join(each for row in rows for each in row)
+    shared = set(fields_of(sensor_kinds.ChannelSensor))
+    own = (
+        sensor_kinds.Imu,
+        sensor_kinds.Pose,
+        sensor_kinds.Encoders,
+        sensor_kinds.TactileSwitch,
+    )
+    for kind in (
+        *own,
+        navigation_sensors.Gnss,
+        navigation_sensors.Magnetometer,
+        navigation_sensors.Barometer,
+    ):
+        assert set(fields_of(kind)) - shared <= set(named(text)), kind
     page = (DOCS / "sensors.md").read_text("utf-8")
-    for name in {*SHIPPED["sensor"], *fields_of(Channel)} - {"full_state"}:
-        assert re.search(rf"\b{name}\b", page), name
+    assert all(f"`{name}`" in page for name in (*shared, *fields_of(Dropouts)))
 
 
 def test_the_columns_of_a_thrust_table_are_on_the_page() -> None:

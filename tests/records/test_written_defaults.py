@@ -30,7 +30,6 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.vehicle.vehicle_tables import vehicle_from
 from support.pages import DOCS, cells_of
 from support.teams import TEAMS
-from website.generated_blocks import made
 
 Tables = dict[str, Any]
 
@@ -45,13 +44,6 @@ SENSORS: Tables = {
     "switch": {"kind": "tactile_switch"},
     "compass": {"kind": "magnetometer"},
     "barometer": {"kind": "barometer"},
-}
-MADE = "a block by itself"
-"""In place of a page: the head is that of a generated block, wherever it stands."""
-FILTER = "record skyarm.sensing.estimate.filter_constants:FilterNumbers"
-SENSOR = {
-    name: f"record {SHIPPED['sensor'][table['kind']][0]}"
-    for name, table in SENSORS.items()
 }
 BOX: Tables = {
     "name": "box",
@@ -294,18 +286,26 @@ PAGES: list[tuple[str, str, str, Tables]] = [
         "world.mechanisms.0",
         world(mechanisms=[DOOR]),
     ),
-    *(
-        (
-            MADE,
-            f"words payloads {kind}",
-            "payloads.0",
-            tables(payloads=[{"mass": 0.1, "pick": 0.1, "kind": kind}]),
-        )
-        for kind in ("rigid", "hanging")
+    (
+        "disturbances_and_payloads",
+        "| `[[payloads]]` |",
+        "payloads.0",
+        tables(payloads=[{"mass": 0.1, "pick": 0.1}]),
     ),
-    (MADE, FILTER, "estimator", tables(sensors=SENSORS, estimator={"kind": "ekf"})),
+    (
+        "disturbances_and_payloads",
+        "| `[[payloads]]` |",
+        "payloads.0",
+        tables(payloads=[{"mass": 0.1, "pick": 0.1, "kind": "hanging"}]),
+    ),
+    (
+        "sensors",
+        "| field | meaning | unit | default |",
+        "estimator",
+        tables(sensors=SENSORS, estimator={"kind": "ekf"}),
+    ),
     *(
-        (MADE, SENSOR[name], f"sensors.{name}", tables(sensors=SENSORS))
+        ("sensors", "| field of one kind |", f"sensors.{name}", tables(sensors=SENSORS))
         for name in SENSORS
     ),
     (
@@ -375,11 +375,7 @@ def literal(cell: str, kind: str) -> Any:
 
 def defaults(page: str, head: str) -> Iterator[tuple[str, Any]]:
     """Field and default of every row of a table that has a default to write."""
-    text = (
-        f"{head}\n{made(head)}"
-        if page == MADE
-        else (DOCS / f"{page}.md").read_text("utf-8")
-    )
+    text = (DOCS / f"{page}.md").read_text("utf-8")
     block = text[text.index("|", text.index(head)) :].split("\n\n")[0]
     at = [
         cell.strip() for cell in block.splitlines()[0].strip("| ").split(" | ")
@@ -628,8 +624,8 @@ NOISY = tables(
 def test_a_noisy_flight_with_every_default_written_has_the_same_bits() -> None:
     more = copy.deepcopy(NOISY)
     for page, head, path in (
-        (MADE, FILTER, "estimator"),
-        (MADE, SENSOR["encoders"], "sensors.encoders"),
+        ("sensors", "| field | meaning | unit | default |", "estimator"),
+        ("sensors", "| field of one kind |", "sensors.encoders"),
         ("scenario_files", f"{WORDS} environment.wind force_wind", "environment.wind"),
         ("scenario_files", f"{WORDS} sensors", "sensors"),
         ("scenario_files", f"{WORDS} delays", "delays"),
