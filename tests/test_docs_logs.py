@@ -47,9 +47,11 @@ def test_the_python_shown_runs(tmp_path, monkeypatch, capsys):
     for code in codes:
         exec(compile(code, "logs.md", "exec"), names)
     lines = capsys.readouterr().out.splitlines()
-    assert lines[-1] == "completed (12000, 3)"
-    assert lines[0].split()[:2] == ["time", "s"]
-    assert lines[1].startswith("position_x m ")
+    assert lines == [
+        "completed (2400, 3) m, position of the tip, world axes",
+        "completed (12000, 3)",
+    ]
+    assert Path("path.png").stat().st_size > 20_000
 
 
 def test_the_topics_shown_are_those_that_are_written():

@@ -61,7 +61,7 @@ def test_the_commands_shown_draw_in_their_order(folder: Path) -> None:
                 for option in ("-o", "--drawing")
                 if option in words
             ]
-    assert len(made) == len(set(made)) == 8
+    assert len(made) == len(set(made)) == 4
     for name in made:
         assert (folder / name).stat().st_size > 5_000, name
 

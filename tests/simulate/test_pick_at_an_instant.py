@@ -40,7 +40,17 @@ def test_the_tip_is_there_when_it_picks_and_when_it_places(plant, told):
     assert np.array_equal(log.payload_mass[:, 0], held)
 
 
-def test_the_disturbed_flight_of_the_page_flies():
-    log = skyarm.run(scenario_from(tomllib.loads(FILES["disturbed"])))
+def test_the_tables_of_the_page_disturb_one_flight():
+    """Those of its sections, added to its first file."""
+    tables = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+    assert len(tables) == 4
+    scenario = scenario_from(tomllib.loads("\n".join([FILES["gusts"], *tables])))
+    log = skyarm.run(scenario)
     assert log.status == "completed"
     assert np.ptp(log.joints[log.time > 3.005, 1]) < 1e-12
+    error = np.linalg.norm(log.tip - log.tip_reference, axis=1)
+    assert 0.02 < error.max() < 0.05
+    assert 3.5 < np.linalg.norm(log.air_velocity, axis=1).max() < 5.0
+    for table in tables:
+        document = tomllib.loads(FILES["gusts"] + table)
+        assert skyarm.run(scenario_from(document | {"duration": 0.5})).time.size == 100

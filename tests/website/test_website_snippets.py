@@ -61,6 +61,10 @@ TABLES = {
     ("comply.md", "toml"): "tests/control/test_gripping.py",
     ("identification.md", "toml"): "tests/flight_data/test_table_file.py",
     ("phases.md", "toml"): "tests/simulate/test_sensed_guards.py",
+    (
+        "disturbances_and_payloads.md",
+        "toml",
+    ): "tests/simulate/test_pick_at_an_instant.py",
     ("sensors.md", "toml"): "tests/sensing/test_force_sensors.py",
     ("tip_and_tasks.md", "toml"): "tests/test_docs_of_tasks.py",
     ("scenario_files.md", "toml"): "tests/test_docs.py",

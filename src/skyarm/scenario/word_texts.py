@@ -62,7 +62,7 @@ def of_path(path: str) -> WordText:
 
 
 TYPES: Mapping[str, str] = {
-    "Channel": "[errors](sensors.md) of this channel",
+    "Channel": "[errors](scenario_sensors.md) of this channel",
     "Material": "stiffness, damping and friction",
 }
 """Class of a field's value -> meaning of a field that states none."""
