@@ -32,6 +32,7 @@ NO_COMMANDS = {
     "import",
     "from",
     "and",
+    "developers",
     "example",
     "weigh",
     "holds",
