@@ -1,4 +1,4 @@
-"""Ground effect, a force that depends on where every rotor is: kind = "near_ground" in [[environment.forces]]."""
+"""A force on every rotor, ground effect: kind = "near_ground" in [[environment.forces]]."""
 
 from dataclasses import dataclass
 

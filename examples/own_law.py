@@ -1,4 +1,4 @@
-"""An LQR of one's own, flown by: skyarm run case3 --laws own_law.py:make_lqr"""
+"""A law of your own, an LQR, flown by: skyarm run case3 --laws own_law.py:make_lqr"""
 
 from dataclasses import dataclass
 

@@ -13,8 +13,9 @@ import pytest
 
 import skyarm
 from skyarm.control.catalogue import AUTOPILOTS
-from support.pages import rows_of
+from support.pages import DOCS, rows_of
 
+PAGE = " ".join((DOCS / "autopilots.md").read_text("utf-8").split())
 LINKS = Path(skyarm.__file__).parent / "links" / "autopilots"
 
 
@@ -58,20 +59,28 @@ def test_every_autopilot_is_a_column_with_its_variable() -> None:
 
 @pytest.mark.parametrize("name", AUTOPILOTS)
 def test_options_and_defaults_of_the_page_are_those_of_the_autopilot(name: str) -> None:
-    options, table = (
-        set(AUTOPILOTS[name].options()),
-        rows("| option of `[controller]` |"),
+    options = set(AUTOPILOTS[name].options())
+    table = set(rows("<!-- generated: law px4 -->"))
+    assert options - {"gains", "program"} <= table
+    assert "`program`, a path, is set in Python only" in PAGE
+    taken, px4 = (
+        inspect.signature(AUTOPILOTS[each].function()).parameters
+        for each in (name, "px4")
     )
-    taken = inspect.signature(AUTOPILOTS[name].function()).parameters
-    for option, row in table.items():
-        said = re.search(r", of (\w+)", row[0])
-        assert (option in options) == (said is None or said[1].lower() == name), option
-    assert options <= set(table)
-    # a default of one autopilot alone is named after a semicolon
-    for option in options & {"climb", "preparation", "patience", "instance"}:
-        usual, *own = re.split("[;,] ", table[option][2])
-        shown = dict(each.lower().rsplit(" ", 1) for each in own).get(name, usual)
-        assert float(shown) == taken[option].default, option
+    said = re.search(
+        r"`preparation` is (\d+) s under ArduPilot and (\d+) s under Betaflight, whose"
+        r" `patience` is (\d+) s",
+        PAGE,
+    )
+    assert said
+    shown = {
+        "ardupilot": {"preparation": said[1]},
+        "betaflight": {"preparation": said[2], "patience": said[3]},
+    }.get(name, {})
+    # what is not said of an autopilot is as in the table, which is of PX4
+    for option in options & {"climb", "preparation", "patience"}:
+        usual = shown.get(option, px4[option].default)
+        assert float(usual) == taken[option].default, option
 
 
 @pytest.mark.parametrize("name", AUTOPILOTS)

@@ -1,17 +1,18 @@
 """The pages on extending and on sessions are true: their code runs, and every kind that
-can be registered is named.
-
-Every page docs/add_a_*.md runs whole in tests/website; here are the checks of what its
-parts do.
+can be registered is named. The examples that add a part fly it and print what they say.
 """
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import inspect
+import io
 import re
+import runpy
 import sys
 import timeit
+import tokenize
 import tomllib
 import types
 from importlib import import_module, metadata
@@ -24,6 +25,7 @@ import skyarm
 from shown_commands import run_command
 from skyarm.algebra import scalars
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.log.metrics.metric import MetricInstant
 from skyarm.records.registry import KINDS, plugins
 from skyarm.records.registry.contract import CONTRACTS
 from skyarm.records.registry.plugins import load_plugin
@@ -32,8 +34,10 @@ from support.components import EVERYTHING, MAKERS, registry_kept
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 PAGE = (DOCS / "extending.md").read_text("utf-8")
-PAGES = {path.stem: path.read_text("utf-8") for path in sorted(DOCS.glob("add_a*.md"))}
-EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+FOLDER = ROOT / "examples"
+EXAMPLES = sorted(FOLDER.glob("*.py"))
+FLOWN = [path for path in EXAMPLES if "__main__" in path.read_text("utf-8")]
+RECIPES = [path for path in FLOWN if "skyarm.register." in path.read_text("utf-8")]
 
 
 def blocks(text: str, language: str) -> list[str]:
@@ -45,42 +49,75 @@ def test_every_kind_that_can_be_registered_is_on_the_page() -> None:
     assert re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE) == list(KINDS)
 
 
-def test_each_kind_that_can_be_registered_leads_to_a_page_or_says_how() -> None:
-    linked = set(re.findall(r"\]\((add_a\w+)\.md", PAGE.partition("\n## ")[0]))
-    assert linked == set(PAGES)
+def test_each_kind_that_can_be_registered_leads_to_an_example_or_a_page() -> None:
+    table = PAGE.partition("\n## ")[0]
+    rows = re.findall(r"^\| `(\w+)` \|.*\]\(([^)]+)\) \|$", table, re.MULTILINE)
+    assert [kind for kind, _ in rows] == list(KINDS)
+    shown = {FOLDER / Path(link).name for _, link in rows if "../examples/" in link}
+    assert shown == {*RECIPES}
+    for kind, link in rows:
+        if "../examples/" in link:
+            text = (FOLDER / Path(link).name).read_text("utf-8")
+            assert f"skyarm.register.{kind}(" in text, link
 
 
-@pytest.mark.parametrize(
-    "plugin",
-    [DOCS / "add_a_wind.md", ROOT / "examples" / "own_wind.py"],
-    ids=["page", "example"],
-)
-def test_the_air_shown_flies_by_its_name(plugin: Path, tmp_path: Path) -> None:
-    text, kind = plugin.read_text("utf-8"), "gusty"
-    if plugin.suffix == ".md":
-        text, kind = files("python", "add_a_wind")["breeze.py"], "breeze"
-    (tmp_path / "wind.py").write_text(text, "utf-8")
-    flight = tomllib.loads(files("toml", "add_a_wind")["breezy.toml"])
-    flight["environment"]["air"][0]["kind"] = kind
+def said(code: str) -> list[str]:
+    """Comments behind the prints of an example, in their order."""
+    lines = code.splitlines()
+    ends = [
+        node.end_lineno or 0
+        for node in ast.walk(ast.parse(code))
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Name)
+        and node.func.id == "print"
+    ]
+    return [lines[end - 1].partition("  # ")[2] for end in sorted(ends)]
+
+
+@pytest.mark.parametrize("path", RECIPES, ids=lambda path: path.stem)
+def test_a_recipe_flies_as_it_is_and_prints_what_stands_beside_its_prints(
+    path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with registry_kept():
-        load_plugin(tmp_path / "wind.py")
-        log = skyarm.run(
-            skyarm.scenario_from(
-                flight | {"duration": 1.0, "plugins": {"need": ["wind.py"]}}
-            )
-        )
+        runpy.run_path(str(path), run_name="__main__")
+    assert capsys.readouterr().out.splitlines() == said(path.read_text("utf-8"))
+
+
+@pytest.mark.parametrize("path", RECIPES, ids=lambda path: path.stem)
+def test_a_recipe_is_a_plugin_that_flies_nothing_and_has_few_words(path: Path) -> None:
+    with registry_kept():
+        load_plugin(path)
+    code = path.read_text("utf-8")
+    kinds = (ast.Module, ast.ClassDef, ast.FunctionDef)
+    words = [
+        ast.get_docstring(node) or ""
+        for node in ast.walk(ast.parse(code))
+        if isinstance(node, kinds)
+    ]
+    words += [
+        token.string
+        for token in tokenize.generate_tokens(io.StringIO(code).readline)
+        if token.type == tokenize.COMMENT
+    ]
+    assert len(re.findall(r"\S*\w\S*", " ".join(words))) <= 350
+
+
+def flight_of(name: str, table: str = "FLIGHT") -> dict[str, Any]:
+    """Table of a flight that an example states; its part is registered."""
+    return tomllib.loads(vars(load_plugin(FOLDER / f"{name}.py"))[table])
+
+
+def test_the_air_shown_flies_by_its_name() -> None:
+    with registry_kept():
+        needed = {"duration": 1.0, "plugins": {"need": ["own_wind.py"]}}
+        log = skyarm.run(skyarm.scenario_from(flight_of("own_wind") | needed))
     assert log.status == "completed"
-    assert log.air_velocity[:, :2].std(axis=0).min() > 0.05
+    assert log.air_velocity.std(axis=0).min() > 0.05
 
 
-def test_the_fault_and_the_signal_shown_are_read_and_fly(tmp_path: Path) -> None:
-    file = tmp_path / "fading.py"
-    file.write_text(files("python", "add_a_world_part")["fading.py"], "utf-8")
-    stated = tomllib.loads(files("toml", "add_a_world_part")["tired.toml"]) | {
-        "duration": 0.1
-    }
+def test_the_fault_and_the_signal_shown_are_read_and_fly() -> None:
     with registry_kept():
-        load_plugin(file)
+        stated = flight_of("own_world_part", "TIRED") | {"duration": 0.1}
         scenario = skyarm.scenario_from(stated)
         fault = scenario.faults[0]
         assert (float(fault.share(0.0)), round(float(fault.share(9.0)), 6)) == (
@@ -107,11 +144,10 @@ def test_the_base_class_that_a_kind_names_is_there_and_on_the_page(kind: str) ->
     assert re.search(rf"^\| `{kind}` \|.*ubclass of `{base}`", PAGE, re.MULTILINE)
 
 
-def files(language: str, page: str = "") -> dict[str, str]:
-    """Files of a page, that on all parts if left out, by their titles."""
-    text = PAGES[page] if page else PAGE
+def files(language: str) -> dict[str, str]:
+    """Files of the page by their titles."""
     return dict(
-        re.findall(rf'```{language} title="([^"]+)"\n(.*?)```', text, re.DOTALL)
+        re.findall(rf'```{language} title="([^"]+)"\n(.*?)```', PAGE, re.DOTALL)
     )
 
 
@@ -139,32 +175,35 @@ def test_the_functions_for_any_scalar_are_all_that_a_part_may_use() -> None:
     assert sorted(listed) == sorted(set(scalars.__all__) - of_the_library)
 
 
-def test_the_table_of_points_is_the_class_and_its_arguments() -> None:
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_what_an_example_sends_to_help_is_there(path: Path) -> None:
+    for name in re.findall(r"help\(([\w.]+)\)", path.read_text("utf-8")):
+        module, _, thing = name.rpartition(".")
+        assert inspect.getdoc(getattr(import_module(module), thing))
+
+
+def test_what_the_force_and_the_metric_are_told_is_explained_where_they_say() -> None:
     motion = PointMotion(skyarm.load_vehicle("hummingbird_arm2"), None)
-    known = {name for name in dir(motion) if not name.startswith("_")}
-    shown = [
-        word
-        for row in rows_of("What `motion` knows", PAGES["add_a_force"])
-        for word in re.findall(r"`([^`]+)`", row)
-    ]
-    assert {word.partition("(")[0] for word in shown} == known
-    for name, _, arguments in (word.rstrip(")").partition("(") for word in shown):
-        if arguments:
-            taken = inspect.signature(getattr(PointMotion, name)).parameters
-            assert [*taken][1:] == arguments.split(", "), name
+    public = {name for name in dir(motion) if not name.startswith("_")}
+    words = (inspect.getdoc(PointMotion) or "").replace("`", "")
+    for name in public:
+        own = getattr(PointMotion, name, None)
+        explained = inspect.getdoc(own) if callable(own) or own is not None else ""
+        assert explained or re.search(rf"\b{name}\b", words), name
+    told = inspect.getdoc(MetricInstant) or ""
+    for each in dataclasses.fields(MetricInstant):
+        assert re.search(rf"\b{each.name}\b", told), each.name
 
 
-def test_the_ball_shown_is_dragged_along_by_the_air(tmp_path: Path) -> None:
-    file = tmp_path / "ball.py"
-    file.write_text(files("python", "add_a_force")["ball.py"], "utf-8")
+def test_the_ball_shown_is_dragged_along_by_the_air() -> None:
     with registry_kept():
-        ball = skyarm.load_plugin(file).Ball()
+        ball = load_plugin(FOLDER / "own_force.py").Ball()
         planned = skyarm.load_scenario("case3", duration=0.05)
         vehicle, still = planned.plant.vehicle, skyarm.Session(planned).state
         motion = PointMotion(vehicle, still, lambda _: skyarm.Vec3(2.0, 0.0, 0.0))
         (wrench,) = ball.wrenches((), 0.0, motion, ())
         drag = 0.5 * 1.2 * 0.47 * 3.14159 * 0.05**2 * 2.0**2
-        assert tuple(wrench.force_W) == pytest.approx((drag, 0.0, 0.0))
+        assert tuple(wrench.force_W) == pytest.approx((drag, 0.0, 0.0), abs=1e-6)
         assert (wrench.point, wrench.body) == motion.frame()
         assert (
             skyarm.run(dataclasses.replace(planned, forces=(ball,))).status
@@ -174,12 +213,15 @@ def test_the_ball_shown_is_dragged_along_by_the_air(tmp_path: Path) -> None:
 
 @pytest.fixture
 def corridor_files(tmp_path: Path) -> Path:
-    """A folder with the plugin and the scenario of the page on endings."""
-    (tmp_path / "corridor.py").write_text(
-        files("python", "add_an_ending")["corridor.py"], "utf-8"
-    )
+    """A folder with the plugin of the example on endings, and its scenario as a file
+    that needs it.
+    """
+    code = (FOLDER / "own_ending.py").read_text("utf-8")
+    (tmp_path / "own_ending.py").write_text(code, "utf-8")
+    table = code.partition('FLIGHT = """\n')[2].partition('"""')[0]
+    needed = 'plugins = { need = ["own_ending.py"] }\n'
     (tmp_path / "narrow.toml").write_text(
-        files("toml", "add_an_ending")["narrow.toml"], "utf-8"
+        table.replace("duration", f"{needed}duration", 1), "utf-8"
     )
     return tmp_path
 
@@ -188,9 +230,11 @@ def test_the_ending_shown_ends_a_flight_and_its_words_are_the_logs(
     corridor_files: Path,
 ) -> None:
     with registry_kept():
-        with pytest.raises(ValueError, match=r"skyarm\.load_plugin\('corridor\.py'\)"):
+        with pytest.raises(
+            ValueError, match=r"skyarm\.load_plugin\('own_ending\.py'\)"
+        ):
             skyarm.load_scenario(corridor_files / "narrow.toml")
-        skyarm.load_plugin(corridor_files / "corridor.py")
+        skyarm.load_plugin(corridor_files / "own_ending.py")
         log = skyarm.run(skyarm.load_scenario(corridor_files / "narrow.toml"))
     assert log.status == "left_corridor"
     assert abs(log.position[-1, 1]) == pytest.approx(0.2, abs=0.01)
@@ -198,11 +242,12 @@ def test_the_ending_shown_ends_a_flight_and_its_words_are_the_logs(
         "run",
         str(corridor_files / "narrow.toml"),
         "--plugin",
-        str(corridor_files / "corridor.py"),
+        str(corridor_files / "own_ending.py"),
         "-q",
     ]
     code, _ = run_command([*words, "--out", str(corridor_files / "out")])
-    assert f"ends with exit code {code}" in " ".join(PAGES["add_an_ending"].split())
+    text = (FOLDER / "own_ending.py").read_text("utf-8")
+    assert f"ends with exit code {code}" in text
     assert re.fullmatch(r"y = -?0\.2\d\d m is outside of 0\.2 m", log.info["cause"])
 
 
@@ -218,7 +263,7 @@ def test_the_package_shown_is_a_plugin(
     assert tree == ["__init__.py", "corridor.py"]
     (package / tree[0]).write_text("", "utf-8")
     (package / tree[1]).write_text(
-        files("python", "add_an_ending")["corridor.py"], "utf-8"
+        (corridor_files / "own_ending.py").read_text("utf-8"), "utf-8"
     )
     monkeypatch.syspath_prepend(package.parent)
     entry = metadata.EntryPoint(name, module, plugins.GROUP)
@@ -233,7 +278,7 @@ def test_the_package_shown_is_a_plugin(
         needs = (
             (corridor_files / "narrow.toml")
             .read_text("utf-8")
-            .replace('"corridor.py"', f'"{made.name}"')
+            .replace('"own_ending.py"', f'"{made.name}"')
         )
         (corridor_files / "narrow.toml").write_text(needs, "utf-8")
         flight = skyarm.load_scenario(corridor_files / "narrow.toml", duration=0.1)
@@ -269,21 +314,20 @@ def test_the_lines_that_a_wrong_law_gets_are_those_of_the_page(words: str) -> No
     assert any(words in each for each in known), words
 
 
-SYMPTOMS = {
-    page: [
-        word
-        for row in re.findall(
-            r"^\| (.*?) \|",
-            text.partition("## If it fails")[2].partition("\n## ")[0],
-            re.MULTILINE,
-        )
-        for word in re.findall("`([^`]+)`", row)
-    ]
-    for page, text in PAGES.items()
-}
+SYMPTOMS = [
+    word
+    for row in re.findall(
+        r"^\| (.*?) \|",
+        (DOCS / "add_a_law.md").read_text("utf-8").partition("## If it fails")[2],
+        re.MULTILINE,
+    )
+    for word in re.findall("`([^`]+)`", row)
+]
 
 
-def test_the_lines_that_a_page_names_as_symptoms_stand_in_the_source() -> None:
+def test_the_lines_that_the_page_on_laws_names_as_symptoms_stand_in_the_source() -> (
+    None
+):
     """At least three words of each in their order; names and numbers are those of the
     page.
     """
@@ -292,17 +336,10 @@ def test_the_lines_that_a_page_names_as_symptoms_stand_in_the_source() -> None:
         for path in sorted(Path(skyarm.__file__).parent.rglob("*.py"))
     )
     source = re.sub(r'"\s*\n\s*f?"', "", source)
-    for page, lines in SYMPTOMS.items():
-        assert lines, page
-        for words in (
-            line.split()
-            for line in lines
-            if line.count(" ") > 1 and not line.startswith("first in")
-        ):
-            runs = [" ".join(words[k : k + 3]) for k in range(len(words) - 2)]
-            assert any(run.rstrip(":;,") in source for run in runs), (
-                f"{page}: {' '.join(words)}"
-            )
+    assert SYMPTOMS
+    for words in (line.split() for line in SYMPTOMS if line.count(" ") > 1):
+        runs = [" ".join(words[k : k + 3]) for k in range(len(words) - 2)]
+        assert any(run.rstrip(":;,") in source for run in runs), " ".join(words)
 
 
 def test_all_kinds_of_mistakes_are_on_the_page() -> None:
@@ -341,6 +378,8 @@ def test_the_law_shown_by_itself_is_compiled_and_a_thousand_times_faster(
 def test_examples_are_short() -> None:
     assert len(EXAMPLES) >= 10
     lines = {path.name: len(path.read_text("utf-8").splitlines()) for path in EXAMPLES}
-    # a training loop is shown whole, in one file
-    assert {name for name, count in lines.items() if count > 40} == {"ppo_residual.py"}
+    # a training loop is shown whole, and a recipe with the flight of its part
+    longer = {"ppo_residual.py", *(path.name for path in RECIPES)}
+    assert {name for name, count in lines.items() if count > 40} == longer
+    assert max(lines[path.name] for path in RECIPES) <= 170
     assert max(lines.values()) <= 300

@@ -30,11 +30,14 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.vehicle.vehicle_tables import vehicle_from
 from support.pages import DOCS, cells_of
 from support.teams import TEAMS
+from website.generated_blocks import made
 
 Tables = dict[str, Any]
 
 WORDS = "<!-- generated: words"
 RECORD = "<!-- generated: record skyarm"
+MADE = ""
+"""In place of a page: the head is that of a block, made afresh."""
 
 SENSORS: Tables = {
     "imu": {"kind": "imu"},
@@ -242,25 +245,25 @@ PAGES: list[tuple[str, str, str, Tables]] = [
     ),
     ("scenario_files", f"{WORDS} initial", "initial", standing()),
     *(
-        ("carry_together", f"{RECORD}.world.team.{law}:{kind} -", "team", team(law))
+        ("team_laws", f"{RECORD}.world.team.{law}:{kind} -", "team", team(law))
         for law, kind in (
             ("object_wrench", "ObjectWrench"),
             ("leader_follower", "LeaderFollower"),
             ("decentralised", "Decentralised"),
         )
     ),
-    ("autopilots", "| option of `[controller]` |", "controller", flown_by("px4")),
-    ("autopilots", "| field of `gains` |", "controller.gains", flown_by("betaflight")),
+    ("autopilots", "<!-- generated: law px4", "controller", flown_by("px4")),
     (
-        "path_governor",
-        "| field | meaning | raise it when |",
-        "reference.governor",
-        governed(),
+        "autopilots",
+        f"{RECORD}.links.autopilots.angle_control:AngleGains",
+        "controller.gains",
+        flown_by("betaflight"),
     ),
-    ("tip_and_tasks", "| `[reference.tip]` |", "reference.tip", led()),
+    (MADE, "words reference.governor", "reference.governor", governed()),
+    (MADE, "record skyarm.reference.tip_plan:TipChoices", "reference.tip", led()),
     (
-        "tip_and_tasks",
-        "| limit | unit |",
+        MADE,
+        "record skyarm.reference.waypoints:FlightLimits",
         "reference.base",
         moved(kind="waypoints", points=[[0, 0, 1], [1, 0, 1]]),
     ),
@@ -281,8 +284,18 @@ PAGES: list[tuple[str, str, str, Tables]] = [
         world(objects=[BOX], grippers=[{"name": "magnet"}]),
     ),
     (
-        "mechanisms",
-        "| `[[world.mechanisms]]` |",
+        "scenario_phases",
+        "<!-- generated: guard others",
+        "reference.base.phases.0.until",
+        moved(
+            kind="phases",
+            position=[0.0, 0.0, 2.0],
+            phases=[{"kind": "hold", "duration": 1.0, "until": {"error": 0.1}}],
+        ),
+    ),
+    (
+        "scenario_mechanisms",
+        f"{RECORD}.world.contact:Mechanism -->",
         "world.mechanisms.0",
         world(mechanisms=[DOOR]),
     ),
@@ -375,8 +388,11 @@ def literal(cell: str, kind: str) -> Any:
 
 def defaults(page: str, head: str) -> Iterator[tuple[str, Any]]:
     """Field and default of every row of a table that has a default to write."""
-    text = (DOCS / f"{page}.md").read_text("utf-8")
-    block = text[text.index("|", text.index(head)) :].split("\n\n")[0]
+    if page == MADE:
+        block = made(head)
+    else:
+        text = (DOCS / f"{page}.md").read_text("utf-8")
+        block = text[text.index("|", text.index(head)) :].split("\n\n")[0]
     at = [
         cell.strip() for cell in block.splitlines()[0].strip("| ").split(" | ")
     ].index("default")

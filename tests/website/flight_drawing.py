@@ -1,7 +1,8 @@
-"""Drawing of one control period: the stages of the closed loop, what enters each, and
-the way back to the first.
+"""Drawings of one control period: the stages of the closed loop, what enters each, and
+the way back to the first; and the functions of users' parts that each stage calls.
 
     python tests/website/flight_drawing.py     writes docs/images/one_period.svg
+                                               and docs/images/hooks_of_a_period.svg
 
 It is as narrow as a phone, so that its letters stay as large as the page's; lines and
 letters take the page's colour.
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 DRAWING = Path(__file__).resolve().parents[2] / "docs" / "images" / "one_period.svg"
+HOOKS_DRAWING = DRAWING.with_name("hooks_of_a_period.svg")
 STYLE = (
     "<style>svg{color:#222}@media (prefers-color-scheme:dark){svg{color:#ddd}}</style>"
 )
@@ -20,11 +22,13 @@ TITLE = (
     "One control period: surround, sense, decide, send, drive, advance, and back to"
     " surround"
 )
+HOOKS_TITLE = "The stages of a control period and the functions of parts that they call"
 WIDTH, EDGE = 372, 8
 # of the column of stages: begin, width, height of a box, row to row, px
 LEFT, STAGE, HIGH, DOWN = 28, 190, 50, 80
 ASIDE, INPUT = 252, 112  # of the column of inputs: begin and width
 LOW, FLAT = 34, 40  # height of an input's box, from one to the next of a stage
+GAP = 24  # px between two stages with hooks
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,18 @@ STAGES = (
     Stage("advance", "rotors, rigid bodies", ("plant", ">log: one row")),
 )
 """Stages of a period in their order."""
+
+HOOKS = {
+    "surround": (("advance", "Air, Force"), ("share", "Fault")),
+    "sense": (("measure", "Sensor"), ("step", "Estimator")),
+    "decide": (("derivatives", "Signal"), ("law", "Controller"), ("count", "Metric")),
+    "send": (),
+    "drive": (("advance", "Drive"),),
+    "advance": (("velocity", "Air"), ("wrenches", "Force"), ("effort", "Drive")),
+}
+"""Stage -> functions with the classes of users' parts that have them."""
+TEST = ("test", "is the flight over?", (("fine", "Ending"),))
+"""What a period begins with, as a stage of the second drawing."""
 
 
 def box(
@@ -124,7 +140,11 @@ def drawing() -> str:
         f'<text x="{middle + 8:g}" y="{low + 5:g}" text-anchor="start">true state, next'
         " period</text>"
     )
-    height = low + EDGE + 6
+    return as_svg([*parts, words], low + EDGE + 6, TITLE)
+
+
+def as_svg(parts: list[str], height: float, title: str) -> str:
+    """A drawing of shapes and, above them, of texts."""
     head = (
         '<marker id="head" markerWidth="8" markerHeight="8" refX="7" refY="4"'
         ' orient="auto">'
@@ -136,7 +156,7 @@ def drawing() -> str:
                 f' {WIDTH} {height:g}" width="{WIDTH}" font-family="sans-serif"'
                 ' font-size="14" text-anchor="middle">'
             ),
-            f"<title>{TITLE}</title>",
+            f"<title>{title}</title>",
             STYLE,
             (
                 f'<defs>{head}<path d="M0 0.5L8 4L0 7.5z"'
@@ -146,12 +166,45 @@ def drawing() -> str:
             *(part for part in parts if not part.startswith("<text")),
             '</g><g fill="currentColor">',
             *(part for part in parts if part.startswith("<text")),
-            words,
             "</g></svg>\n",
         ]
     )
 
 
+def hooks_drawing() -> str:
+    """The period as SVG, with the functions of users' parts beside their stage."""
+    rows = [TEST, *((stage.name, stage.words, HOOKS[stage.name]) for stage in STAGES)]
+    parts, top, last = list[str](), EDGE, 0
+    for name, words, hooks in rows:
+        high = max(HIGH, FLAT * len(hooks))
+        parts += box(LEFT, top, STAGE, high, (name, words))
+        for i, (function, owner) in enumerate(hooks):
+            middle = top + high / 2 + FLAT * (i - (len(hooks) - 1) / 2)
+            parts += box(ASIDE, middle - LOW / 2, INPUT, LOW, ())
+            parts += [
+                f'<text font-size="{size}"{kind} x="{ASIDE + INPUT / 2:g}"'
+                f' y="{middle + down:g}">{text}</text>'
+                for text, size, kind, down in (
+                    (function, 13, ' font-weight="bold"', -2),
+                    (owner, 12, "", 12),
+                )
+            ]
+            parts.append(arrow(f"M{ASIDE:g} {middle:g}H{LEFT + STAGE:g}"))
+        if last:
+            parts.append(arrow(f"M{LEFT + STAGE / 2:g} {last:g}V{top:g}"))
+        last = top + high
+        top = last + GAP
+    low = last + 14
+    parts.append(
+        arrow(
+            f"M{LEFT + STAGE / 2:g} {last:g}V{low:g}H{EDGE:g}"
+            f"V{EDGE + HIGH / 2:g}H{LEFT:g}"
+        )
+    )
+    return as_svg(parts, low + EDGE, HOOKS_TITLE)
+
+
 if __name__ == "__main__":
     DRAWING.write_text(drawing(), "utf-8")
-    print(DRAWING.name)
+    HOOKS_DRAWING.write_text(hooks_drawing(), "utf-8")
+    print(DRAWING.name, HOOKS_DRAWING.name)

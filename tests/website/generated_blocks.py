@@ -28,10 +28,23 @@ import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.cli.arguments import EVERY
 from skyarm.cli.commands import program
-from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, tuned_factors
+from skyarm.control.catalogue import (
+    AUTOPILOTS,
+    LAWS,
+    PRESETS,
+    make_controller,
+    tuned_factors,
+)
+from skyarm.control.law_maker import default_gains
 from skyarm.control.laws.predictive.cost import Weights
 from skyarm.control.laws.predictive.observer import Bandwidths
-from skyarm.control.model import TORQUE_GAINS, GeometricGains, JointGains, Terms
+from skyarm.control.model import (
+    TORQUE_GAINS,
+    GeometricGains,
+    JointGains,
+    Model,
+    Terms,
+)
 from skyarm.control.option_units import OptionText, option_texts
 from skyarm.log.flight_log import IF_ANY, Log
 from skyarm.log.log_columns import COLUMNS
@@ -54,7 +67,7 @@ from skyarm.records.registry.shipped import SECTIONS
 from skyarm.records.units import Unit, declared_fields, units
 from skyarm.records.words import words_of_fields
 from skyarm.scenario import word_texts
-from skyarm.scenario.controller_table import option_words
+from skyarm.scenario.controller_table import law_words, option_words
 from skyarm.scenario.grammar import (
     SIGNAL,
     GrammarRow,
@@ -62,6 +75,8 @@ from skyarm.scenario.grammar import (
     entry_in_words,
     grammar,
 )
+from skyarm.studies.compare.envelope_axes import AXES
+from skyarm.studies.compare.survive_trials import TRIALS as SURVIVED
 from skyarm.vehicle.attach import Mimic
 from skyarm.vehicle.linkage import Body, Joint
 from skyarm.vehicle.tilt import Tilt
@@ -80,6 +95,7 @@ DOCS = ROOT / "docs"
 DOCUMENTS = tomllib.loads(
     Path(__file__).with_name("document_keys.toml").read_text("utf-8")
 )
+EQUATIONS = tomllib.loads(Path(__file__).with_name("equations.toml").read_text("utf-8"))
 BLOCK = re.compile(
     r"^<!-- generated: ([^\n]*?) -->\n(.*?)^<!-- /generated -->$", re.M | re.S
 )
@@ -156,10 +172,31 @@ def law_block(law: str, *left_out: str) -> str:
     texts = option_texts(law)
     for word, option in option_words(law).items():
         text = texts[option]
-        rows.append(_option_row(word, text))
-        if f"-{word}" not in left_out:
-            rows += _table_rows(word, law, text)
+        name, entry, *more = _option_row(word, text)
+        if f"-{word}" in left_out:  # its fields stand once, for all cards
+            rows.append((name, f"[{entry}](../laws.md#gains)", *more))
+        else:
+            rows += [(name, entry, *more), *_table_rows(word, law, text)]
     return table(OPTION_HEADS, rows)
+
+
+def card_block(law: str) -> str:
+    """What a law can do, of which a reader asks first."""
+    model = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"))
+    options, made_law = LAWS[law].options(), make_controller(law, model)
+    # every law that commands joint torques flies servos through a layer
+    assert "servos" in law_words(law)
+    return table(
+        ("joint servos", "contact force", "tilting rotors", "C file", "batches"),
+        [
+            (
+                "yes",
+                "commands it" if "interaction" in options else "no",
+                "commands them" if "sideways" in options else "kept at rest",
+                *(("yes" if made_law.compiled else "no",) * 2),
+            )
+        ],
+    )
 
 
 def gains_block(option: str, law: str) -> str:
@@ -168,7 +205,27 @@ def gains_block(option: str, law: str) -> str:
     """
     rows = _table_rows(option, law, option_texts(law)[option])
     assert rows, f"{option} is no table"
+    if TABLES[option] is GeometricGains:
+        rows = [(*row[:2], _scaled_gain(row[0].strip("`")), *row[3:]) for row in rows]
     return table(OPTION_HEADS, rows)
+
+
+def _scaled_gain(name: str) -> str:
+    """Default of a gain of the base in words, and that of the paper's vehicle."""
+    field = name.rpartition(".")[2]
+    model = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"))
+    J, mass = model.vehicle.base.inertia, model.vehicle.mass
+    gain = getattr(default_gains(model), field)
+    linear = field in ("position", "velocity")
+    over = (mass,) * 3 if linear else (J.xx, J.yy, J.zz)
+    x, y, z = (f"{float(g) / float(by):.4g}" for g, by in zip(gain, over, strict=True))
+    assert x == y
+    words = (
+        f"{x} times the mass (kg)"
+        if linear
+        else f"{x} times the inertia (kg m^2), about z {z} times"
+    )
+    return f"{words}; paper: {shown(Vec3(*(round(float(g), 3) for g in gain)))}"
 
 
 def _option_row(word: str, text: OptionText) -> Sequence[str]:
@@ -425,6 +482,25 @@ def hand_rows(
         )
         for each in words
     ]
+
+
+def phases_block() -> str:
+    """Keys of the phases of a task, those of every phase first."""
+    words = {"`every`": "every", "`contact`": "in contact"}
+    rows = [
+        (words.get(kinds, kinds.replace(", ", "`, `")), *cells)
+        for kinds, *cells in hand_rows(word_texts.PHASES, kinds=True)
+    ]
+    return table(("phase", *FIELD_HEADS), rows)
+
+
+def guard_block(part: str) -> str:
+    """Keys of ``until`` of a phase: its conditions, or the others."""
+    rows = hand_rows(
+        (each for each in word_texts.GUARDS if each.kind == part), kinds=False
+    )
+    assert rows, f"no keys {part}"
+    return table(FIELD_HEADS, rows)
 
 
 def kinds_of_keys(kind: str, at: str) -> str:
@@ -749,6 +825,35 @@ def checks_block(part: str) -> str:
     return table(("question", "may end as", "what is computed", "usual remedy"), rows)
 
 
+def equations_block(group: str) -> str:
+    """Equations with source and function; tests_of_equations.py has their tests."""
+    rows = [
+        (
+            row["quantity"],
+            f"$`{row['equation']}`$",
+            row["source"],
+            f"[`{Path(row['file']).stem}.{row['function']}`](../{row['file']})",
+        )
+        for row in EQUATIONS[group]
+    ]
+    return table(("quantity", "equation", "source", "function"), rows)
+
+
+def trials_block(suite: str) -> str:
+    """Trials of the envelope or of the survive suite, with their values as the tables
+    of results show them.
+    """
+    head = {"envelope": "axis", "survive": "condition"}[suite]
+    rows = []
+    for name, trial in (AXES if suite == "envelope" else SURVIVED).items():
+        scale = getattr(trial, "shown", 1.0)
+        values = ", ".join(f"{value * scale:g}" for value in trial.values)
+        noisy = "yes" if trial.noisy else "no"
+        unit = trial.unit.removesuffix(" late")
+        rows.append((f"`{name}`", trial.title, values, unit, noisy))
+    return table((head, "flown", "values", "unit", "noisy"), rows)
+
+
 def menu_block() -> str:
     """Menu of the site as a list, for readers of the pages as they lie."""
     menu = yaml.safe_load((DOCS.parent / "mkdocs.yml").read_text("utf-8"))["nav"]
@@ -772,12 +877,15 @@ def _menu_lines(entries: list[Any], indent: str) -> list[str]:
 
 KINDS: dict[str, Callable[..., str]] = {
     "law": law_block,
+    "card": card_block,
     "gains": gains_block,
     "laws": laws_block,
     "record": record_block,
     "words": words_block,
     "signals": lambda: kinds_of_keys("signal", "SIGNAL"),
     "motions": lambda: kinds_of_keys("motion", "reference.base"),
+    "phases": phases_block,
+    "guard": guard_block,
     "vehicle": vehicle_block,
     "kinds": kinds_block,
     "presets": presets_block,
@@ -790,7 +898,9 @@ KINDS: dict[str, Callable[..., str]] = {
     "methods": methods_block,
     "python": python_block,
     "checks": checks_block,
+    "equations": equations_block,
     "menu": menu_block,
+    "trials": trials_block,
 }
 """Kind of a block -> function of its words that returns the table."""
 

@@ -17,7 +17,7 @@ FUNCTIONS = {
     "fly": {
         "run": "first_flight.md",
         "replay": "logs.md",
-        "govern": "path_governor.md",
+        "govern": "tip_and_tasks.md",
         "with_numbers": "add_a_law.md",
         "compare": "comparing_laws.md",
         "fly_sweep": "sweeps.md",
@@ -63,7 +63,7 @@ FUNCTIONS = {
         "check_law": "add_a_law.md",
         "make_mixer": "add_a_law.md",
         "mix": "add_a_law.md",
-        "normals": "add_a_wind.md",
+        "normals": "../examples/own_wind.py",
     },
     "dynamics": {
         "mass_matrix": "mathematics.md",
@@ -132,17 +132,17 @@ CLASSES = {
         "SensorNoise": "sensors.md",
     },
     "bases": {
-        "Air": "add_a_wind.md",
-        "Force": "add_a_force.md",
-        "Wrench": "add_a_force.md",
-        "Sensor": "add_a_sensor.md",
-        "NamedSensor": "add_a_sensor.md",
-        "Estimator": "add_a_sensor.md",
-        "Drive": "add_a_drive.md",
-        "Ending": "add_an_ending.md",
-        "Metric": "add_a_metric.md",
-        "Team": "carry_together.md",
-        "LogFormat": "add_a_log_format.md",
+        "Air": "../examples/own_wind.py",
+        "Force": "../examples/own_force.py",
+        "Wrench": "../examples/own_force.py",
+        "Sensor": "../examples/gps.py",
+        "NamedSensor": "../examples/gps.py",
+        "Estimator": "../examples/gps.py",
+        "Drive": "../examples/own_drive.py",
+        "Ending": "../examples/own_ending.py",
+        "Metric": "../examples/own_metric.py",
+        "Team": "team_laws.md",
+        "LogFormat": "../examples/own_log_format.py",
     },
     "numbers": {
         "Vec3": "mathematics.md",
@@ -338,5 +338,7 @@ def modules_of() -> tuple[Row, list[Row]]:
 
 
 def guide(page: str) -> str:
-    """Link to a page by its name without underscores."""
+    """Link to a page by its name without underscores, or to an example."""
+    if page.startswith("../"):
+        return f"[{page.rpartition('/')[2]}]({page})"
     return f"[{page.removesuffix('.md').replace('_', ' ')}]({page})" if page else ""

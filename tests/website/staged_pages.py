@@ -2,8 +2,9 @@
 drawings and formulas are inside.
 
 A page stays readable where it lies: what is changed here is changed in a copy. Taken
-from outside of docs are the pages of the repository (``REPOSITORY``), the examples, and
-single files that a page links to.
+from outside of docs are the pages of the repository (``REPOSITORY``), the examples,
+parts of pages that lie beside their code (``JOINED``), and single files that a page
+links to.
 """
 
 from __future__ import annotations
@@ -27,11 +28,19 @@ REPOSITORY = {
 }
 """Page of the repository -> its name on the site."""
 
+EQUATIONS = ROOT / "src/skyarm/control/laws/centroidal/equations"
+JOINED = {EQUATIONS: "centroidal_law_specification.md"}
+"""Folder of Markdown beside code -> the page of the site of which its files are
+parts."""
+
 LINK = re.compile(r"(!?\[(?:[^\[\]]|\[[^\[\]]*\])*\]\()([^()\s]+)(\))")
 """``[words](target)`` and ``![words](target)``."""
 
 MENU = re.compile(r"<details>\n<summary>All pages</summary>\n.*?</details>\n", re.S)
 """List of all pages on the home page, which the site has as its menu."""
+
+PARTS = re.compile(r"^<!-- joined: (\S+) -->$", re.M)
+"""A place for the files of a folder, one after the other."""
 
 FENCE = re.compile(r"^( *)(`{3,}|~{3,}).*?^\1\2[ \t]*$", re.M | re.S)
 """A fenced block, which is shown as it stands."""
@@ -76,6 +85,8 @@ def site_name(path: Path) -> str | None:
     has no place there.
     """
     inside = path.relative_to(ROOT).as_posix()
+    if path.parent in JOINED and path.suffix == ".md":
+        return JOINED[path.parent]
     if inside in REPOSITORY:
         return REPOSITORY[inside]
     if path.is_relative_to(DOCS):
@@ -183,17 +194,32 @@ def with_recordings(text: str, name: str, recordings: Path | None) -> str:
     return ASKED.sub(one, text)
 
 
+def with_parts(text: str, name: str, taken: dict[str, Path]) -> str:
+    """Text with the files of a folder in their place, two levels of headings lower."""
+
+    def one(found: re.Match[str]) -> str:
+        parts = sorted((ROOT / found[1]).glob("*.md"))
+        assert parts, f"{name}: no files in {found[1]}"
+        return "\n".join(
+            outside_fences(
+                relink(part.read_text("utf-8"), part, name, taken),
+                lambda words: re.sub(r"^#", "###", words, flags=re.M),
+            )
+            for part in parts
+        )
+
+    return PARTS.sub(one, text)
+
+
 def staged(
     page: Path, recordings: Path | None, taken: dict[str, Path]
 ) -> tuple[str, str]:
     """Name on the site and text of a page."""
     name = site_name(page)
     assert name is not None
-    text = (
-        relink(page.read_text("utf-8"), page, name, taken)
-        if page.suffix == ".md"
-        else page.read_text("utf-8")
-    )
+    text = page.read_text("utf-8")
+    if page.suffix == ".md":
+        text = with_parts(relink(text, page, name, taken), name, taken)
     return name, staged_text(text, page, name, recordings)
 
 
@@ -210,26 +236,44 @@ def staged_text(text: str, page: Path, name: str, recordings: Path | None) -> st
 
 
 def example_page(path: Path) -> str:
-    """The page of an example: its first line as text, and all of it as code."""
-    code = path.read_text("utf-8")
-    return f"# {path.name}\n\n```python\n{code.rstrip()}\n```\n"
+    """The page of an example: what its first lines say as text, then its code."""
+    words, code = _words_and_code(path)
+    first, _, rest = words.partition("\n")
+    said = f"{first.rstrip('.')}.\n\n{rest.strip()}".strip()
+    flies = "__main__" in code or not PARTS.search(code)
+    command = f"```sh\npython examples/{path.name}\n```\n\n" if flies else ""
+    return f"# {path.name}\n\n{said}\n\n{command}```python\n{code}\n```\n"
+
+
+def _words_and_code(path: Path) -> tuple[str, str]:
+    """Docstring of an example, and what follows it."""
+    _, words, code = path.read_text("utf-8").split('"""', 2)
+    return words.strip(), code.strip()
+
+
+PARTS = re.compile(r"skyarm\.register\.|-> skyarm\.Controller")
+"""Code of an example that adds a part to the library."""
 
 
 def examples_index(paths: list[Path]) -> str:
     """The page that lists the examples by what their first lines say."""
-    rows = []
-    for path in paths:
-        first = (
-            path.read_text("utf-8").split('"""')[1].strip().splitlines()[0].rstrip(".")
-        )
-        rows.append(f"| [{path.name}]({path.stem}.md) | {first.replace('|', '')} |")
-    head = (
-        "# Examples\n\nEach is one file of at most forty lines, in the folder"
-        " `examples` of the repository.\n\n"
-    )
+    parts = [path for path in paths if PARTS.search(path.read_text("utf-8"))]
+    others = [path for path in paths if path not in parts]
     return (
-        head
-        + "| file | what it adds or does |\n| --- | --- |\n"
-        + "\n".join(rows)
-        + "\n"
+        "# Recipes and examples\n\nEach is one commented file in the folder `examples`"
+        " of the repository. A file that adds a part is a plugin. Most are programs,"
+        " too: `python examples/own_wind.py` flies the part, and prints what stands"
+        " beside its `print` lines.\n\n"
+        f"## Parts of your own\n\n{_listed(parts, 'what it adds')}\n"
+        f"## Flights and training\n\n{_listed(others, 'what it does')}"
     )
+
+
+def _listed(paths: list[Path], column: str) -> str:
+    """Table of examples with the first line of each."""
+    firsts = [_words_and_code(path)[0].splitlines()[0] for path in paths]
+    rows = [
+        f"| [{path.name}]({path.stem}.md) | {first.rstrip('.').replace('|', '')} |"
+        for path, first in zip(paths, firsts, strict=True)
+    ]
+    return f"| file | {column} |\n| --- | --- |\n" + "\n".join(rows) + "\n"

@@ -98,5 +98,9 @@ def _by_hand(table: str) -> tuple[HandWord, ...]:
 SIGNALS, MOTIONS = _by_hand("signals"), _by_hand("motions")
 """Keys of the signals, and of the motions but for tasks, that are read by hand."""
 
+PHASES, GUARDS = _by_hand("phases"), _by_hand("until")
+"""Keys of the phases of a task by the kinds that have them, and of ``until`` by what
+they are: conditions or others."""
+
 VEHICLE = _by_hand("vehicle")
 """Keys of a vehicle file that are no field of a record, or mean more than the field."""

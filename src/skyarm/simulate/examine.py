@@ -8,6 +8,15 @@ file, or goes through a set, gives the same program in every trace of one proces
 another one elsewhere. Files that its fields name are no such thing: they are there,
 too.
 
+Not seen are a plant and a law with ``compiled=False``, which are called with floats;
+``euler_step``, ``drift``, ``push`` and ``far`` of a coupled force; what runs after the
+flight or on its own, as a metric, a format, a command, ``cause`` or ``shapes``; what
+the maker of a law or motion draws and reads; a file at an absolute path, an unset
+variable, the date or a short set, which may be the same in both processes; and a part
+that is pure for some values of its fields only, as the other process tries one part of
+a class. Parts of a script or notebook have no file that could be loaded elsewhere; with
+such parts in a scenario, a warning names those that no other process has tried.
+
 :func:`check_law` looks further: it compares a law in floats with its program over some
 periods. What ships is not examined.
 """

@@ -42,7 +42,9 @@ class AngleGains:
     integral: Annotated[
         float, Unit("1/s^3", "rate of acceleration per position error: integral gain")
     ] = 6.0
-    height: float = 1.3
+    height: Annotated[
+        float, Unit("", "factor of the three gains above, for the vertical")
+    ] = 1.3
     yaw: Annotated[float, Unit("1/s", "yaw rate per yaw error")] = 2.0
     tilt: Annotated[
         float, Unit("rad", "largest angle of the thrust from the vertical")

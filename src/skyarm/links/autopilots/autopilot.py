@@ -371,6 +371,10 @@ class AutopilotMaker:
             options["parameters"] = plain_parameters(
                 options["parameters"], self.kind.longest_name
             )
+        for each in fields(self.kind):
+            # a file may state a whole number
+            if isinstance(each.default, float) and type(options.get(each.name)) is int:
+                options[each.name] = float(options[each.name])
         return controller_with(self.kind(**options), model, joint_gains)
 
 
