@@ -32,6 +32,7 @@ NO_COMMANDS = {
     "import",
     "from",
     "and",
+    "checks",
     "developers",
     "example",
     "weigh",
