@@ -99,7 +99,7 @@ test-lowest: $(LOWEST)/.installed
 	$(LOWEST)/bin/python tests/lowest.py run
 
 $(VENV)/.docs: $(VENV)/.test
-	$(BIN)/python $(PIP) -c constraints.txt -e ".[docs,studio]"
+	$(BIN)/python $(PIP) -c constraints.txt -e ".[docs]"
 	@touch $@
 
 docs: $(VENV)/.docs

@@ -19,6 +19,7 @@ import tomllib
 from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parent.parent / "pyproject.toml"
+OWN = re.compile(r"skyarm\[[a-z,]+\]")
 FLOOR = re.compile(r"([A-Za-z0-9-]+)>=([0-9.]+)(?:; *(.+))?")
 
 LINTERS = ("import-linter", "mypy", "ruff")
@@ -61,13 +62,16 @@ def project() -> dict[str, object]:
 
 
 def pins(requirements: list[str]) -> list[str]:
-    """Each requirement NAME>=VERSION[; MARKER] at its floor.
+    """Each requirement NAME>=VERSION[; MARKER] at its floor; extras of the project
+    itself are left out.
 
     Raises:
         ValueError: a requirement without a lower bound, or with more than that.
     """
     found = []
     for requirement in requirements:
+        if OWN.fullmatch(requirement):
+            continue
         match = FLOOR.fullmatch(requirement)
         if match is None:
             raise ValueError(

@@ -1,77 +1,47 @@
-"""The page on environments names everything that there is, with its usual numbers."""
+"""The page on training names classes of actions and environments that there are; the
+example of many episodes shows all that are shipped.
+"""
 
 from __future__ import annotations
 
 import re
+import runpy
 from pathlib import Path
 
 import pytest
 
 pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
 from skyarm.envs.action_kinds import ACTIONS
-from skyarm.envs.env_task import PRECISIONS
 from skyarm.envs.named_tasks import NAMED, task_scenario
-from skyarm.envs.observed_quantities import OBSERVED
-from skyarm.envs.reward_terms import REWARDS
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "environments.md").read_text(
-    "utf-8"
-)
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = (ROOT / "docs" / "environments.md").read_text("utf-8")
 
 
-def row(name):
-    """The row of a table whose first column names something."""
-    found = [line for line in PAGE.splitlines() if re.match(rf"\| [^|]*`{name}`", line)]
-    assert len(found) == 1, name
-    return [cell.strip() for cell in found[0].strip("|").split("|")]
+def test_every_class_of_actions_has_a_row() -> None:
+    rows = re.findall(r"^\| `(\w+)` \| ", PAGE, re.M)
+    assert sorted(rows) == sorted(kind.__name__ for kind in ACTIONS.values())
 
 
-@pytest.mark.parametrize("known", [OBSERVED, REWARDS], ids=["observed", "rewarded"])
-def test_every_quantity_stands_in_a_table_with_its_usual_scale(known):
-    for name, kind in known.items():
-        first, *_, last = row(name)
-        names, scales = (
-            re.findall(r"`(\w+)`", first.split(" times")[0]),
-            re.findall(r"\d[\d.]*", last),
-        )
-        record = kind()
-        if hasattr(record, "scale"):
-            # one number for all in the row, or one for each
-            assert float(scales[names.index(name) % len(scales)]) == record.scale, name
-        else:
-            assert not scales, name
+def test_the_environments_of_the_page_are_shipped() -> None:
+    shown = set(re.findall(r"skyarm/(\w+)-v0", PAGE)) - {"Scenario"}
+    assert shown
+    assert shown <= set(NAMED)
 
 
-def test_every_kind_of_action_stands_in_a_table_with_its_usual_numbers():
-    for name, kind in ACTIONS.items():
-        cells = row(name)
-        assert cells[1] == f"`{kind.__name__}`"
-        usual = {
-            field: float(value)
-            for field, value in re.findall(r"`(\w+)` \((\d[\d.]*)", cells[3])
-        }
-        usual |= (
-            {"span": float(*re.findall(r"`span` \(([\d.]+)\)", cells[3]))}
-            if "span" in cells[3]
-            else {}
-        )
-        record = kind()
-        numbers = {
-            field: getattr(record, field)
-            for field in kind.__dataclass_fields__
-            if field != "joints"
-        }
-        assert usual == numbers, name
-
-
-def test_every_shipped_task_stands_in_a_table_with_its_actions_rate_and_length():
-    for name, each in NAMED.items():
-        _, what, actions, _ = row(f"skyarm/{name}-v0")
-        kind = next(
-            word for word, record in ACTIONS.items() if isinstance(each.actions, record)
-        )
-        assert actions.startswith(f"`{kind}`")
+@pytest.mark.thorough
+def test_the_example_lists_what_is_shipped_and_flies_a_lane_by_hand(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    runpy.run_path(str(ROOT / "examples" / "many_episodes.py"))
+    told = capsys.readouterr().out
+    for name, task in NAMED.items():
         scenario = task_scenario(name)
-        assert f"{scenario.duration:g} s" in what
-        assert "Hz" not in what or f"{scenario.rates.control} Hz" in what
-    assert all(f'`"{each}"`' in PAGE for each in PRECISIONS)
+        line = (
+            f"skyarm/{name}-v0: {scenario.title}, {scenario.rates.control} Hz,"
+            f" {scenario.duration:g} s, {type(task.actions).__name__}"
+        )
+        assert line in told
+    (parted,) = re.findall(r"parted by (\S+) m", told)
+    assert float(parted) < 1e-12
+    assert "picture (240, 240, 3)" in told

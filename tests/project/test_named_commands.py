@@ -32,6 +32,8 @@ NO_COMMANDS = {
     "import",
     "from",
     "and",
+    "checks",
+    "developers",
     "example",
     "weigh",
     "holds",

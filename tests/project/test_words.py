@@ -228,7 +228,7 @@ def long_lines(text: str) -> list[int]:
     return [
         k
         for k, line in enumerate(lines, 1)
-        if len(line) > LETTERS and not line.startswith(("|", "![", "<!--"))
+        if len(line) > LETTERS and not line.startswith(("|", "![", "[![", "<!--"))
     ]
 
 

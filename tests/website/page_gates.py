@@ -1,13 +1,12 @@
-"""What can be counted of a page's prose: a report of sentences, cells, tables and
-commands that a reader stumbles over.
+"""What can be counted of a page: long paragraphs, cells, tables and commands that a
+reader stumbles over, and facts that stand on another page, too.
 
     python tests/website/page_gates.py                       every page of docs and the
                                                              README
     python tests/website/page_gates.py docs/pressing.md      one page, each fault with
                                                              its line
 
-The reader is the judge; this only counts what tires a reader's eye. Blocks that a
-script writes are passed over.
+The reader is the judge; this only counts. Blocks that a script writes are passed over.
 """
 
 from __future__ import annotations
@@ -16,59 +15,43 @@ import argparse
 import re
 import sys
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
-GLOSSARY = DOCS / "glossary.md"
 
-WORDS = 30
-"""Most words of a sentence."""
-NUMBERS = 3
-"""Numbers from which a sentence has too many, outside pages of results."""
+WORDS = 90
+"""Most words of a paragraph or an item of a list."""
 CELL = 120
 """Most letters of a table's cell."""
 SHELL = ("sh", "bash", "console", "shell")
 OUTPUT = ("text", "output", "")
-RESULTS = (
-    "results",
-    "performance",
-    "the_paper",
-    "mathematics",
-    "centroidal_law_specification",
+LINKED = (
+    "tip",
+    "scenario",
+    "plant",
+    "preset",
+    "level base",
+    "episode",
+    "lane",
+    "suite",
 )
-"""Beginnings of the names of pages whose sentences may carry numbers."""
+"""Words that mean something of their own here: a page links them to the glossary or
+says in italics what they are. Others of its words also are plain English.
+"""
+
+DOORS = ("glossary.md", "README.md", "CONTRIBUTING.md")
+"""Pages that link no word: the glossary, and those read before it."""
 
 GENERATED = re.compile(r"<!-- generated: .*?<!-- /generated.*?-->", re.S)
-MEASURED = re.compile(
-    r"^skyarm [^`]*?, (?:`[^`]+`|no command)\.\n(?=<!-- /measured -->)", re.M
-)
-"""Last line of a measured block: version, machine and command."""
+WRITTEN = re.compile(r"<!-- (generated|measured): .*?<!-- /\1.*?-->", re.S)
+"""What a script writes."""
 LINK = re.compile(r"!?\[([^\]]*)\]\([^)]*\)")
 CODE = re.compile(r"`[^`]*`")
-NUMBER = re.compile(r"(?<![\w.#])[-+±]?\d[\d.,]*(?:e[-+]?\d+)?(?![\w.])")
 SENTENCE = re.compile(r"(?<=[.!?])\s+(?=[A-Z`*\[(])")
 ABBREVIATION = re.compile(r"\b(?:e\.g|i\.e|et al|vs|cf|Fig|Eq|Eqs|No|Sec|approx)\.")
 HEADING = re.compile(r"#{1,6} ")
 RULE = re.compile(r"\|?[\s:|-]+\|?$")
-ANCHOR = re.compile(r"(?:<a id=\"([\w-]+)\"></a>|^#+ +(.+)$)", re.M)
-COMMON = {
-    "data",
-    "window",
-    "trial",
-    "model",
-    "memory",
-    "age",
-    "lag",
-    "wind",
-    "success",
-    "status",
-    "draws",
-    "base",
-    "part",
-}
-"""Glossary words that also are plain English: a first use may be the plain one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,8 +77,7 @@ def blocks_of(text: str) -> list[Block]:
     """Cut a page into prose, lists, headings, tables and code; what a script writes is
     emptied first.
     """
-    text = GENERATED.sub(lambda found: "\n" * found[0].count("\n"), text)
-    text = MEASURED.sub(lambda found: "\n" * found[0].count("\n"), text)
+    text = WRITTEN.sub(lambda found: "\n" * found[0].count("\n"), text)
     text = re.sub(
         r"<!--.*?-->", lambda found: "\n" * found[0].count("\n"), text, flags=re.S
     )
@@ -166,10 +148,12 @@ def blocks_of(text: str) -> list[Block]:
     return [block for block in found if block.kind != "empty"]
 
 
-def sentences(block: Block) -> list[str]:
-    """Sentences of a block of prose, links by their words and code as one word."""
+def sentences(block: Block, *, code: bool = False) -> list[str]:
+    """Sentences of a block of prose, links by their words; code as one word, or as it
+    is.
+    """
     text = LINK.sub(lambda link: link[1], " ".join(block.lines))
-    text = CODE.sub("CODE", text)
+    text = text if code else CODE.sub("CODE", text)
     text = re.sub(r"\$[^$]*\$", "SYMBOL", text)
     text = ABBREVIATION.sub(lambda found: found[0].replace(".", ""), text)
     return [
@@ -189,67 +173,39 @@ def cells(row: str) -> list[str]:
     ]
 
 
-@cache
-def glossary() -> dict[str, str]:
-    """Anchor of each word of the glossary; no word while there is no page."""
-    if not GLOSSARY.is_file():
-        return {}
-    found = {}
-    for anchor, heading in ANCHOR.findall(GLOSSARY.read_text("utf-8")):
-        name = anchor or re.sub(r"[^\w -]", "", heading).strip().lower().replace(
-            " ", "-"
-        )
-        word = name.replace("-", " ")
-        if (
-            len(word) > 2
-            and word not in COMMON
-            and "glossary" not in word
-            and not re.search(r"\d", word)
-        ):
-            found[word] = name
-    return found
-
-
-def unlinked(text: str) -> list[Fault]:
-    """Words of the glossary that a page uses and links nowhere."""
+def unexplained(text: str) -> list[Fault]:
+    """Words of its own that a page uses, neither linked nor explained."""
     prose = " ".join(
         " ".join(block.lines)
         for block in blocks_of(text)
         if block.kind in ("prose", "table")
     )
     plain = CODE.sub("", LINK.sub(" ", prose))
-    wrong = []
-    for word, anchor in glossary().items():
-        if f"glossary.md#{anchor}" not in text and re.search(
-            rf"\b{re.escape(word)}s?\b", plain
-        ):
-            wrong.append(Fault(line=0, kind="not linked", text=word))
-    return wrong
+    return [
+        Fault(line=0, kind="not explained", text=word)
+        for word in LINKED
+        if f"glossary.md#{word.replace(' ', '-')}" not in text
+        and not re.search(rf"(?<!\*)\*{word}s?\*(?!\*)", text, re.IGNORECASE)
+        and re.search(rf"\b{word}s?\b", plain)
+    ]
 
 
 def faults(page: Path) -> list[Fault]:
     """Faults of one page in the order of its lines."""
     text = page.read_text("utf-8")
     blocks = blocks_of(text)
-    numbers = not page.name.startswith(RESULTS)
-    found = (
-        []
-        if page.name in ("glossary.md", "README.md", "decisions.md")
-        else unlinked(text)
-    )
+    found = [] if page.name in DOORS else unexplained(text)
     for at, block in enumerate(blocks):
         if block.kind == "prose":
-            for sentence in sentences(block):
-                count = len(sentence.split())
-                if count > WORDS:
-                    found.append(
-                        Fault(line=block.line, kind=f"{count} words", text=sentence)
+            count = sum(len(each.split()) for each in sentences(block))
+            if count > WORDS:
+                found.append(
+                    Fault(
+                        line=block.line,
+                        kind=f"paragraph of {count} words",
+                        text=" ".join(block.lines)[:CELL],
                     )
-                many = len(NUMBER.findall(sentence))
-                if numbers and many >= NUMBERS:
-                    found.append(
-                        Fault(line=block.line, kind=f"{many} numbers", text=sentence)
-                    )
+                )
         elif block.kind == "table":
             headed = len(block.lines) > 1 and RULE.match(block.lines[1]) is not None
             if not headed or not any(cells(block.lines[0])):
@@ -288,11 +244,18 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("pages", nargs="*", type=Path)
     given = parser.parse_args()
+    import page_twins
+
+    facts = page_twins.facts(page_twins.pages())
     for page in given.pages or [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]:
         found = faults(page)
-        print(f"{page}: {len(found)} faults")
+        name = page_twins.name_of(page)
+        two = [fact for fact in facts if name in fact.pages]
+        print(f"{page}: {len(found)} faults, {len(two)} facts that stand twice")
         for fault in found if given.pages else ():
             print(f"  {fault.line:4} {fault.kind}: {fault.text}")
+        for fact in two if given.pages else ():
+            print(fact.lines())
     return 0
 
 

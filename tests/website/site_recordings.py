@@ -26,7 +26,7 @@ class Planned:
 
 
 RECORDINGS = {
-    "case3": Planned("case3", ("paper_ct",), 5.0, 20.0),
+    "case2": Planned("case2", ("centroidal_tip",), 5.0, 20.0),
     "case3_wind": Planned(
         "case3_wind", ("paper_pd", "paper_ct", "centroidal_tip"), 5.0, 17.0
     ),

@@ -23,6 +23,7 @@ REPOSITORY = {
     "README.md": "readme.md",
     "CONTRIBUTING.md": "contributing.md",
     "CHANGELOG.md": "changelog.md",
+    "CHANGELOG_ARCHIVE.md": "changelog_archive.md",
     "SECURITY.md": "security.md",
 }
 """Page of the repository -> its name on the site."""

@@ -406,12 +406,12 @@ def test_a_page_of_the_repository_keeps_its_text() -> None:
     name, text = staged(ROOT / "README.md", None, {})
     assert name == "readme.md"
     assert "](the_paper.md)" in text
-    assert "](extending.md)" in text
+    assert "](your_vehicle.md)" in text
 
 
 def test_pages_ask_for_every_recording_and_for_no_other() -> None:
     assert set(asked_for(list(TEXTS.values()))) == set(RECORDINGS)
-    with pytest.raises(ValueError, match="recording 'nothing': must be one of case3, "):
+    with pytest.raises(ValueError, match="recording 'nothing': must be one of case2, "):
         asked_for(["<!-- recording: nothing | Words. -->\n"])
 
 
