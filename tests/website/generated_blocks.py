@@ -33,6 +33,9 @@ from skyarm.control.laws.predictive.cost import Weights
 from skyarm.control.laws.predictive.observer import Bandwidths
 from skyarm.control.model import TORQUE_GAINS, GeometricGains, JointGains, Terms
 from skyarm.control.option_units import OptionText, option_texts
+from skyarm.envs.action_kinds import ACTIONS
+from skyarm.envs.observed_quantities import OBSERVED, USUAL
+from skyarm.envs.reward_terms import REWARDS, USUAL_REWARD
 from skyarm.log.flight_log import IF_ANY, Log
 from skyarm.log.log_columns import COLUMNS
 from skyarm.log.metrics.accumulate import CONTINUOUS
@@ -62,6 +65,7 @@ from skyarm.scenario.grammar import (
     entry_in_words,
     grammar,
 )
+from skyarm.sensing.channel import Channel, ChannelSensor
 from skyarm.vehicle.attach import Mimic
 from skyarm.vehicle.linkage import Body, Joint
 from skyarm.vehicle.tilt import Tilt
@@ -427,6 +431,81 @@ def hand_rows(
     ]
 
 
+def task_block(*kinds: str) -> str:
+    """Keys of tasks, guards or study files that functions read; of several kinds one
+    after the other with their name.
+    """
+    chosen = [each for kind in kinds for each in word_texts.TASKS if each.kind == kind]
+    assert {each.kind for each in chosen} == {*kinds}, f"no keys of {kinds}"
+    rows = hand_rows(chosen, kinds=len(kinds) > 1)
+    if len(kinds) > 1:
+        return table(("kind", *FIELD_HEADS), rows)
+    return table(FIELD_HEADS, required_first(rows))
+
+
+def sensors_block() -> str:
+    """Fields that a kind of sensor has beside those of every sensor, with its channels
+    and their errors.
+    """
+    rows: list[Sequence[str]] = []
+    shared = declared_fields(ChannelSensor)
+    for name in names("sensor"):
+        kind = find("sensor", name)
+        if not issubclass(kind, ChannelSensor):
+            continue
+        usual = defaults(kind)
+        for field, (annotation, _) in declared_fields(kind).items():
+            if field in shared and usual[field] == defaults(ChannelSensor)[field]:
+                continue
+            row = field_row(kind, field)
+            if annotation is Channel:
+                row = _channel_row(row, usual[field])
+            rows.append((f"`{name}`", *row))
+    return table(("kind", *FIELD_HEADS), rows)
+
+
+def _channel_row(row: Sequence[str], usual: Channel) -> Sequence[str]:
+    """Row of a channel: its errors by default, where no text says them."""
+    stated = [
+        f"`{each}` {getattr(usual, each):g}"
+        for each in declared_fields(Channel)
+        if isinstance(getattr(usual, each), float) and getattr(usual, each)
+    ]
+    meaning = row[4] or "errors of this channel"
+    told = row[2] if row[2] not in ("", "-", "none") else ""
+    return (row[0], "errors", told or ", ".join(stated) or "none", "", meaning, "")
+
+
+def parts_block(of: str) -> str:
+    """Parts of a learning environment: each with its meaning, and its fields with their
+    defaults and units.
+    """
+    kinds = {"actions": ACTIONS, "observation": OBSERVED, "reward": REWARDS}[of]
+    rows: list[Sequence[str]] = []
+    usual = {type(each): each for each in USUAL_REWARD}
+    for name, kind in kinds.items():
+        fields = [
+            f"`{field}` {_number(defaults(kind)[field])} {unit.unit}".strip()
+            for field, (_, unit) in declared_fields(kind).items()
+            if field not in ("weight", "joints")
+        ]
+        used = (
+            (f"{usual[kind].weight:g}" if kind in usual else "-",)
+            if of == "reward"
+            else ("yes" if name in USUAL else "no",)
+            if of == "observation"
+            else ()
+        )
+        sentence = " ".join((kind.__doc__ or "").split("\n\n")[0].split())
+        rows.append((f"`{name}`", sentence.rstrip("."), ", ".join(fields), *used))
+    last = {"actions": (), "observation": ("by default",), "reward": ("by default",)}
+    return table(("name", "meaning", "fields with defaults", *last[of]), rows)
+
+
+def _number(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float | int) else str(value)
+
+
 def kinds_of_keys(kind: str, at: str) -> str:
     """Keys of all signals, or of the motions that are no tasks, one kind after the
     other.
@@ -776,6 +855,9 @@ KINDS: dict[str, Callable[..., str]] = {
     "laws": laws_block,
     "record": record_block,
     "words": words_block,
+    "task": task_block,
+    "sensors": sensors_block,
+    "parts": parts_block,
     "signals": lambda: kinds_of_keys("signal", "SIGNAL"),
     "motions": lambda: kinds_of_keys("motion", "reference.base"),
     "vehicle": vehicle_block,

@@ -62,7 +62,7 @@ def of_path(path: str) -> WordText:
 
 
 TYPES: Mapping[str, str] = {
-    "Channel": "[errors](sensors.md) of this channel",
+    "Channel": "[errors](scenario_sensors.md) of this channel",
     "Material": "stiffness, damping and friction",
 }
 """Class of a field's value -> meaning of a field that states none."""
@@ -97,6 +97,10 @@ def _by_hand(table: str) -> tuple[HandWord, ...]:
 
 SIGNALS, MOTIONS = _by_hand("signals"), _by_hand("motions")
 """Keys of the signals, and of the motions but for tasks, that are read by hand."""
+
+TASKS = _by_hand("tasks")
+"""Keys of tasks, of guards and of other tables that functions read, by kind; of a study
+file, too."""
 
 VEHICLE = _by_hand("vehicle")
 """Keys of a vehicle file that are no field of a record, or mean more than the field."""
