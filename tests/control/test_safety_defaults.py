@@ -1,4 +1,4 @@
-"""The safety layer's limits by default, against docs/scenario_files.md and the vehicle
+"""The safety layer's limits by default, against docs/scenario_reference.md and the vehicle
 by hand; and their ends.
 """
 
@@ -31,7 +31,7 @@ joints."""
 KINDS = tuple(link.joint.kind for link in VEHICLE.links)
 PULL = {"stiffness": 5.0, "damping": 2.7}
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "scenario_files.md").read_text(
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "scenario_reference.md").read_text(
     "utf-8"
 )
 TABLE = "".join(

@@ -70,7 +70,7 @@ def rows(integrators: Sequence[str], cases: Sequence[str]) -> Iterator[list[str]
 
 
 HEADS = (
-    "[integrator](scenario_files.md#integrators)",
+    "[integrator](scenario_plant.md#integrators)",
     "base, mm",
     "joints, mrad",
     "processor time of MuJoCo's plant over `rk4`",

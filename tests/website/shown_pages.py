@@ -32,7 +32,7 @@ def prepared(name: str) -> dict[str, str]:
     """Files that a page takes for granted."""
     vehicle, flight = (
         whole_example("vehicle_files.md"),
-        whole_example("scenario_files.md"),
+        (ROOT / "examples/every_table.toml").read_text("utf-8"),
     )
     files = {
         "my/vehicle.toml": vehicle,
