@@ -213,8 +213,13 @@ def test_the_parts_of_a_scenario_shown_are_read():
     example.
     """
     whole = tomllib.loads(example())
-    for name in ("plant", "world", "sensors", "reference"):
-        (part, *_) = map(tomllib.loads, blocks(f"scenario_{name}.md", "toml"))
+    for name in (
+        "scenario_plant.md",
+        "scenario_world.md",
+        "scenario_sensors.md",
+        "scenario_reference.md",
+    ):
+        (part, *_) = map(tomllib.loads, blocks(name, "toml"))
         for table, value in part.items():
             own = whole[table] if isinstance(value, dict) and table in whole else {}
             if table == "controller":
