@@ -563,6 +563,17 @@ def vehicle_block(part: str) -> str:
     return table(FIELD_HEADS, required_first(rows))
 
 
+def imports_block(*forms: str) -> str:
+    """What is read from files of other formats, form after form."""
+    rows = [row for row in word_texts.IMPORTS if set(row[0].split(", ")) & {*forms}]
+    assert rows, f"nothing is read from {forms}"
+    several = len(forms) > 1
+    return table(
+        (*(("form",) if several else ()), "in the file", "read as"),
+        [row if several else row[1:] for row in rows],
+    )
+
+
 def kinds_block(kind: str) -> str:
     """Names of a kind of the registry that ship, each with its title."""
     return table(
@@ -861,6 +872,7 @@ KINDS: dict[str, Callable[..., str]] = {
     "signals": lambda: kinds_of_keys("signal", "SIGNAL"),
     "motions": lambda: kinds_of_keys("motion", "reference.base"),
     "vehicle": vehicle_block,
+    "imports": imports_block,
     "kinds": kinds_block,
     "presets": presets_block,
     "metrics": metrics_block,

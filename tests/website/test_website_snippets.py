@@ -37,7 +37,6 @@ ELSEWHERE: dict[str, tuple[str, ...]] = {
         "tests/test_docs_extending.py::test_the_sessions_shown_run",
         "tests/test_docs_extending.py::test_the_law_shown_by_itself_is_compiled_and_a_thousand_times_faster",
     ),
-    "vehicle_files.md": ("tests/vehicle/test_vehicle_bodies.py",),
 }
 """Page with indented commands, other languages or numbers of its own -> their tests;
 its fences run here, too."""

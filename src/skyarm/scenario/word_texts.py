@@ -102,5 +102,10 @@ TASKS = _by_hand("tasks")
 """Keys of tasks, of guards and of other tables that functions read, by kind; of a study
 file, too."""
 
+IMPORTS: tuple[tuple[str, str, str], ...] = tuple(
+    (each["form"], each["found"], each["read"]) for each in _TABLES["imports"]
+)
+"""Format of a file, what stands there, and how a vehicle has it."""
+
 VEHICLE = _by_hand("vehicle")
 """Keys of a vehicle file that are no field of a record, or mean more than the field."""
