@@ -36,8 +36,8 @@ def blocks(name, language):
 
 def example():
     """The complete example to which the page on scenario files links."""
-    assert "(../examples/every_table.toml)" in page("scenario_files.md")
-    return (DOCS.parent / "examples" / "every_table.toml").read_text("utf-8")
+    assert "(../examples/files/every_table.toml)" in page("scenario_files.md")
+    return (DOCS.parent / "examples" / "files" / "every_table.toml").read_text("utf-8")
 
 
 def test_the_scenario_shown_loads_and_flies(tmp_path):

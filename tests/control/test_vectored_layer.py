@@ -201,7 +201,12 @@ def test_rotors_without_a_largest_speed_turn_as_others_do():
 
 
 def test_the_vehicle_of_the_page_turns_its_rotors():
-    file = Path(__file__).resolve().parents[2] / "examples" / "tilting_quadrotor.toml"
+    file = (
+        Path(__file__).resolve().parents[2]
+        / "examples"
+        / "files"
+        / "tilting_quadrotor.toml"
+    )
     log = run(scenario(skyarm.load_vehicle(file), across(1.5, start=0.0), 1.0))
     assert log.status == "completed"
     assert tilt(log).max() < 1.0

@@ -8,7 +8,9 @@ import tomllib
 from pathlib import Path
 
 DOCUMENT = tomllib.loads(
-    (Path(__file__).parents[2] / "examples" / "quad_with_link.toml").read_text("utf-8")
+    (
+        Path(__file__).parents[2] / "examples" / "files" / "quad_with_link.toml"
+    ).read_text("utf-8")
 )
 
 

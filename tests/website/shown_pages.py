@@ -23,7 +23,7 @@ SECONDS = 0.5
 def prepared(name: str) -> dict[str, str]:
     """Files that a page takes for granted."""
     vehicle, flight = (
-        (ROOT / "examples" / f"{each}.toml").read_text("utf-8")
+        (ROOT / "examples" / "files" / f"{each}.toml").read_text("utf-8")
         for each in ("quad_with_link", "every_table")
     )
     files = {
