@@ -4,13 +4,16 @@ pages list, with the same defaults.
 
 from __future__ import annotations
 
+import inspect
 import re
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from skyarm.control.laws.centroidal.contact.admittance import Detection
+from skyarm.planning.plan_file import plan_arrays
 from skyarm.records.files import Fields
 from skyarm.reference.contact_phases import CLEARANCE, TOUCHING
 from skyarm.reference.phases import KINDS, phases_table
@@ -20,9 +23,11 @@ from skyarm.reference.tip_motion import SPEED
 from skyarm.reference.waypoints import LIMITS, waypoints_table
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.word_texts import TASKS
+from skyarm.studies.compare.suite_file import load_suite
 from skyarm.studies.sweep.distributions import distribution_from
 from skyarm.studies.sweep.study import Study
 from skyarm.studies.sweep.study_file import study_from
+from skyarm.studies.trial.trial import MOTIONS
 
 LISTED: dict[str, set[str]] = {}
 for _word in TASKS:
@@ -159,6 +164,31 @@ def test_the_keys_of_a_study_are_those_that_are_listed() -> None:
     with pytest.raises(ValueError, match="odd = 1: unknown field") as error:
         study_from(document)
     assert allowed(error.value) == LISTED["study"]
+
+
+def test_the_keys_of_a_suite_and_of_a_trial_are_those_that_are_listed(
+    tmp_path: Path,
+) -> None:
+    for suite, trial, kind in (("odd = 1", "", "suite"), ("", "odd = 1", "trial")):
+        file = tmp_path / "suite.toml"
+        text = f'[suite]\n{suite}\n[[trials]]\nname = "push"\n{trial}\n'
+        file.write_text(text, "utf-8")
+        with pytest.raises(ValueError, match="odd = 1: unknown field") as error:
+            load_suite(file)
+        assert allowed(error.value) == LISTED[kind]
+
+
+def test_the_motions_of_a_trial_are_those_that_are_listed() -> None:
+    assert {*MOTIONS["bases"]} == LISTED["trial_base"]
+    assert {*MOTIONS["arms"]} == LISTED["trial_arm"]
+    text = {each.name: each.allowed for each in TASKS if each.kind == "trial"}
+    assert set(re.findall(r"\w+", text["base"])) - {"or"} == {*MOTIONS["bases"]}
+    assert set(re.findall(r"\w+", text["arm"])) - {"or"} == {*MOTIONS["arms"]}
+
+
+def test_the_arrays_of_a_plan_are_those_that_are_listed() -> None:
+    made = re.findall(r'^        "(\w+)": ', inspect.getsource(plan_arrays), re.M)
+    assert {*made} == LISTED["plan_file"]
 
 
 def test_the_distributions_are_those_that_are_listed() -> None:

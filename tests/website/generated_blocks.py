@@ -66,6 +66,9 @@ from skyarm.scenario.grammar import (
     grammar,
 )
 from skyarm.sensing.channel import Channel, ChannelSensor
+from skyarm.studies.compare.contact_tasks import FRICTION, WIND
+from skyarm.studies.compare.suite import library_rows
+from skyarm.studies.compare.survive_trials import TRIALS
 from skyarm.vehicle.attach import Mimic
 from skyarm.vehicle.linkage import Body, Joint
 from skyarm.vehicle.tilt import Tilt
@@ -94,7 +97,11 @@ Rows = Iterable[Sequence[str]]
 def table(heads: Sequence[str], rows: Rows) -> str:
     """Markdown table without the columns in which no row has anything."""
     cells = [[cell.replace("|", "\\|").strip() for cell in row] for row in rows]
-    kept = [i for i in range(len(heads)) if i == 0 or any(row[i] for row in cells)]
+    kept = [
+        i
+        for i in range(len(heads))
+        if i == 0 or any(row[i] not in ("", "-") for row in cells)
+    ]
     lines = ["| " + " | ".join(heads[i] for i in kept) + " |", "|" + "-|" * len(kept)]
     lines += ["| " + " | ".join(row[i] or "-" for i in kept) + " |" for row in cells]
     return "\n".join(lines) + "\n"
@@ -563,6 +570,64 @@ def vehicle_block(part: str) -> str:
     return table(FIELD_HEADS, required_first(rows))
 
 
+def suite_block(name: str) -> str:
+    """Trials of a suite that ships, from the tables of its library."""
+    if name == "survive":
+        return table(
+            ("condition", "flight", "values", "unit"),
+            [
+                (
+                    f"`{each.name}`",
+                    each.title,
+                    ", ".join(f"{value:g}" for value in each.values),
+                    each.unit,
+                )
+                for each in TRIALS.values()
+            ],
+        )
+    rows = [*library_rows(SUITES[name])]
+    if name == "contact":
+        heads: Sequence[str] = ("task", "what the vehicle does", "friction", "wind")
+        cells = [
+            (
+                f"`{each['name']}`",
+                each["title"],
+                "{:g} to {:g}".format(*each.get("friction", FRICTION)),
+                f"up to {each.get('wind', WIND):g} N",
+            )
+            for each in rows
+        ]
+    elif name == "team":
+        heads = ("condition", "what differs from the scenario")
+        cells = [
+            (f"`{each['name']}`", each.get("own") or each["title"]) for each in rows
+        ]
+    else:
+        heads = ("trial", "flight", "values", "unit", "noisy")
+        cells = [
+            (
+                f"`{each['name']}`",
+                each["title"],
+                ", ".join(
+                    f"{value * each.get('shown', 1.0):g}"
+                    for value in each.get("values", ())
+                ),
+                each.get("unit", ""),
+                "yes" if each.get("noisy") else "no",
+            )
+            for each in rows
+        ]
+    return table(heads, cells)
+
+
+SUITES = {
+    "envelope": "envelope_axes",
+    "contact": "contact_tasks",
+    "team": "team_rows",
+}
+"""Suite -> its library's table."""
+
+
 def imports_block(*forms: str) -> str:
     """What is read from files of other formats, form after form."""
     rows = [row for row in word_texts.IMPORTS if set(row[0].split(", ")) & {*forms}]
@@ -873,6 +938,7 @@ KINDS: dict[str, Callable[..., str]] = {
     "motions": lambda: kinds_of_keys("motion", "reference.base"),
     "vehicle": vehicle_block,
     "imports": imports_block,
+    "suite": suite_block,
     "kinds": kinds_block,
     "presets": presets_block,
     "metrics": metrics_block,
