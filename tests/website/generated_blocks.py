@@ -33,9 +33,6 @@ from skyarm.control.laws.predictive.cost import Weights
 from skyarm.control.laws.predictive.observer import Bandwidths
 from skyarm.control.model import TORQUE_GAINS, GeometricGains, JointGains, Terms
 from skyarm.control.option_units import OptionText, option_texts
-from skyarm.envs.action_kinds import ACTIONS
-from skyarm.envs.observed_quantities import OBSERVED, USUAL
-from skyarm.envs.reward_terms import REWARDS, USUAL_REWARD
 from skyarm.log.flight_log import IF_ANY, Log
 from skyarm.log.log_columns import COLUMNS
 from skyarm.log.metrics.accumulate import CONTINUOUS
@@ -66,14 +63,12 @@ from skyarm.scenario.grammar import (
     grammar,
 )
 from skyarm.sensing.channel import Channel, ChannelSensor
-from skyarm.studies.compare.contact_tasks import FRICTION, WIND
-from skyarm.studies.compare.suite import library_rows
-from skyarm.studies.compare.survive_trials import TRIALS
 from skyarm.vehicle.attach import Mimic
 from skyarm.vehicle.linkage import Body, Joint
 from skyarm.vehicle.tilt import Tilt
 from skyarm.vehicle.vehicle_records import BodyDrag, Rotor
 from support.check_list import CHECKS
+from website.listed_parts import parts_of_environments, trials_of_suite
 from website.python_names import (
     arguments_of,
     classes_of,
@@ -483,36 +478,6 @@ def _channel_row(row: Sequence[str], usual: Channel) -> Sequence[str]:
     return (row[0], "errors", told or ", ".join(stated) or "none", "", meaning, "")
 
 
-def parts_block(of: str) -> str:
-    """Parts of a learning environment: each with its meaning, and its fields with their
-    defaults and units.
-    """
-    kinds = {"actions": ACTIONS, "observation": OBSERVED, "reward": REWARDS}[of]
-    rows: list[Sequence[str]] = []
-    usual = {type(each): each for each in USUAL_REWARD}
-    for name, kind in kinds.items():
-        fields = [
-            f"`{field}` {_number(defaults(kind)[field])} {unit.unit}".strip()
-            for field, (_, unit) in declared_fields(kind).items()
-            if field not in ("weight", "joints")
-        ]
-        used = (
-            (f"{usual[kind].weight:g}" if kind in usual else "-",)
-            if of == "reward"
-            else ("yes" if name in USUAL else "no",)
-            if of == "observation"
-            else ()
-        )
-        sentence = " ".join((kind.__doc__ or "").split("\n\n")[0].split())
-        rows.append((f"`{name}`", sentence.rstrip("."), ", ".join(fields), *used))
-    last = {"actions": (), "observation": ("by default",), "reward": ("by default",)}
-    return table(("name", "meaning", "fields with defaults", *last[of]), rows)
-
-
-def _number(value: object) -> str:
-    return f"{value:g}" if isinstance(value, float | int) else str(value)
-
-
 def kinds_of_keys(kind: str, at: str) -> str:
     """Keys of all signals, or of the motions that are no tasks, one kind after the
     other.
@@ -568,64 +533,6 @@ def vehicle_block(part: str) -> str:
             rows.append((*row[:2], "unchanged" if unchanged else row[2], *row[3:]))
     assert rows, f"no table {part}"
     return table(FIELD_HEADS, required_first(rows))
-
-
-def suite_block(name: str) -> str:
-    """Trials of a suite that ships, from the tables of its library."""
-    if name == "survive":
-        return table(
-            ("condition", "flight", "values", "unit"),
-            [
-                (
-                    f"`{each.name}`",
-                    each.title,
-                    ", ".join(f"{value:g}" for value in each.values),
-                    each.unit,
-                )
-                for each in TRIALS.values()
-            ],
-        )
-    rows = [*library_rows(SUITES[name])]
-    if name == "contact":
-        heads: Sequence[str] = ("task", "what the vehicle does", "friction", "wind")
-        cells = [
-            (
-                f"`{each['name']}`",
-                each["title"],
-                "{:g} to {:g}".format(*each.get("friction", FRICTION)),
-                f"up to {each.get('wind', WIND):g} N",
-            )
-            for each in rows
-        ]
-    elif name == "team":
-        heads = ("condition", "what differs from the scenario")
-        cells = [
-            (f"`{each['name']}`", each.get("own") or each["title"]) for each in rows
-        ]
-    else:
-        heads = ("trial", "flight", "values", "unit", "noisy")
-        cells = [
-            (
-                f"`{each['name']}`",
-                each["title"],
-                ", ".join(
-                    f"{value * each.get('shown', 1.0):g}"
-                    for value in each.get("values", ())
-                ),
-                each.get("unit", ""),
-                "yes" if each.get("noisy") else "no",
-            )
-            for each in rows
-        ]
-    return table(heads, cells)
-
-
-SUITES = {
-    "envelope": "envelope_axes",
-    "contact": "contact_tasks",
-    "team": "team_rows",
-}
-"""Suite -> its library's table."""
 
 
 def imports_block(*forms: str) -> str:
@@ -933,12 +840,12 @@ KINDS: dict[str, Callable[..., str]] = {
     "words": words_block,
     "task": task_block,
     "sensors": sensors_block,
-    "parts": parts_block,
+    "parts": lambda of: table(*parts_of_environments(of)),
     "signals": lambda: kinds_of_keys("signal", "SIGNAL"),
     "motions": lambda: kinds_of_keys("motion", "reference.base"),
     "vehicle": vehicle_block,
     "imports": imports_block,
-    "suite": suite_block,
+    "suite": lambda name: table(*trials_of_suite(name)),
     "kinds": kinds_block,
     "presets": presets_block,
     "metrics": metrics_block,
