@@ -179,8 +179,8 @@ def test_the_keys_of_a_suite_and_of_a_trial_are_those_that_are_listed(
 
 
 def test_the_motions_of_a_trial_are_those_that_are_listed() -> None:
-    assert {*MOTIONS["bases"]} == LISTED["trial_base"]
-    assert {*MOTIONS["arms"]} == LISTED["trial_arm"]
+    assert {*MOTIONS["bases"]} == LISTED["base"]
+    assert {*MOTIONS["arms"]} == LISTED["arm"]
     text = {each.name: each.allowed for each in TASKS if each.kind == "trial"}
     assert set(re.findall(r"\w+", text["base"])) - {"or"} == {*MOTIONS["bases"]}
     assert set(re.findall(r"\w+", text["arm"])) - {"or"} == {*MOTIONS["arms"]}
