@@ -58,12 +58,12 @@ def wrong_with_tag(tag: str, source: str, citation: str, changelog: str) -> str 
 
 
 def sources() -> set[str]:
-    """Files of the package, below src."""
+    """Files of the package, below src, but for pages beside their code."""
     files = (path for path in (ROOT / "src" / "skyarm").rglob("*") if path.is_file())
     return {
         path.relative_to(ROOT / "src").as_posix()
         for path in files
-        if path.suffix not in (".pyc", ".pyo")
+        if path.suffix not in (".pyc", ".pyo", ".md")
     }
 
 

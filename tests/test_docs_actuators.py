@@ -1,4 +1,4 @@
-"""The tip errors with servos that docs/results_laws.md shows are those that are
+"""The tip errors with servos that docs/data/results_laws.md shows are those that are
 flown.
 """
 
@@ -85,6 +85,7 @@ def test_the_smallest_servo_of_the_page_has_the_required_keys() -> None:
 
 @pytest.mark.site
 def test_tip_errors_on_servos_are_those_of_the_page() -> None:
-    shown = [row[1] for row in rows_of("results_laws.md", "| joints | tip error |")]
+    page = "data/results_laws.md"
+    shown = [row[1] for row in rows_of(page, "| joints | tip error |")]
     servos = (None, of_data_sheet(), ideal(2.0))
     assert shown == [f"{tip_error(servo):.2f} mm" for servo in servos]

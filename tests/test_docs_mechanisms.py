@@ -1,5 +1,5 @@
-"""The tables of docs/mechanisms.md name every field of a mechanism, and every word with
-the lengths that it takes.
+"""The pages on mechanisms name every field of a mechanism, and every kind with the
+lengths that it takes.
 """
 
 import re
@@ -9,31 +9,31 @@ from pathlib import Path
 
 from skyarm.world.contact import Detent, Mechanism
 from skyarm.world.contact.contact_point import Ring
-from skyarm.world.contact.mechanism import KINDS
+from skyarm.world.contact.mechanism import BRISTLES, KINDS
 from skyarm.world.contact.surface import SIZES
 from support.pages import rows_of
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 PAGE = (DOCS / "mechanisms.md").read_text("utf-8")
-ROWS = rows_of(
-    "mechanisms.md", "| `[[world.mechanisms]]` | type and unit | default | meaning |"
-)
-WORDS = rows_of("mechanisms.md", "| kind | motion | `size` |")
+REFERENCE = "scenario_mechanisms.md"
+RECORD = "<!-- generated: record skyarm.world.contact"
+WORDS = rows_of(REFERENCE, "| kind | motion | `size` |")
 
 
 def test_every_field_has_a_row():
-    named = [
-        name
-        for row in ROWS
-        if row[0].startswith("`")
-        for name in re.findall(r"`(\w+)`", row[0])
-    ]
-    assert sorted(named) == sorted(field.name for field in fields(Mechanism))
-    (detent,) = (row for row in ROWS if row[0] == "`detent`")
-    assert {field.name for field in fields(Detent)} == set(
-        re.findall(r"\w+", detent[1].split("}")[0])
-    )
+    for kind in (Mechanism, Detent):
+        rows = rows_of(REFERENCE, f"{RECORD}:{kind.__name__} -->")
+        named = [row[0].strip("`") for row in rows]
+        assert sorted(named) == sorted(field.name for field in fields(kind))
+
+
+def test_the_kinds_that_are_allowed_are_those_of_the_library():
+    rows = rows_of(REFERENCE, f"{RECORD}:Mechanism -->")
+    (allowed,) = (row[3] for row in rows if row[0] == "`kind`")
+    assert re.findall(r'"(\w+)"', allowed) == [*KINDS]
+    (default,) = (row[2] for row in rows if row[0] == "`bristle`")
+    assert default == f"{BRISTLES[True]:g} rad or {BRISTLES[False]:g} m"
 
 
 def test_every_word_has_a_row_with_its_lengths():
@@ -48,7 +48,8 @@ def test_the_hole_and_the_ring_are_told_with_their_lengths():
     assert [told.index(word) for word in SIZES] == sorted(
         told.index(word) for word in SIZES
     )
-    assert f"`ring = {{ {', '.join(field.name for field in fields(Ring))} }}`" in told
+    ring = ", ".join(field.name for field in fields(Ring))
+    assert f"`ring = {{ {ring} }}`" in " ".join(told.split())
 
 
 def test_the_button_shown_is_that_of_the_example():

@@ -1,6 +1,4 @@
-"""The page on tip and tasks: its files fly, its tables are read, its fields are all
-there are.
-"""
+"""The page on tip and tasks: its files fly, its tables are read."""
 
 import re
 import tomllib
@@ -13,9 +11,6 @@ from skyarm.records.files import Fields
 from skyarm.reference.phases import phases_table
 from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.task_records import Setting
-from skyarm.reference.tip_plan import TipChoices
-from skyarm.reference.waypoints import LIMITS, FlightLimits
-from support.pages import rows_of
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "tip_and_tasks.md").read_text(
     "utf-8"
@@ -53,21 +48,3 @@ def test_the_gripper_shown_closes_in_the_first_half_of_its_dwell():
     assert (move.joint, move.value, move.end) == ("finger", 0.01, event.time)
     assert event.time - move.start == 0.5
     assert move.start > 8.0  # it goes down first
-
-
-def test_every_field_and_default_is_on_the_page():
-    table = {
-        row[0].strip("`"): row[2]
-        for row in rows_of("tip_and_tasks.md", "| `[reference.tip]` | type and unit |")
-    }
-    assert set(table) == {"path", *(name for name in TipChoices.__dataclass_fields__)}
-    usual = TipChoices(posture=())
-    for name in ("base_share", "arm_range", "joint_speed", "rate"):
-        assert float(table[name]) == getattr(usual, name), name
-    limits = {
-        row[0].strip("`"): row[2]
-        for row in rows_of("tip_and_tasks.md", "| limit | unit | default | of |")
-    }
-    assert {name: float(value) for name, value in limits.items()} == {
-        name: getattr(FlightLimits(), name) for name in LIMITS
-    }

@@ -14,7 +14,7 @@ from skyarm.control.laws.centroidal.options import ENTRIES, PERIODS, RANGES, VAL
 from skyarm.records.leaves import leaves
 from skyarm.scenario.controller_table import law_words, option_words
 from skyarm.scenario.scenario_file import scenario_from
-from support.pages import DOCS, law_rows
+from support.pages import DOCS, law_equations, law_rows
 from website.generated_blocks import heads
 
 
@@ -147,9 +147,7 @@ def test_ranges_on_the_page_are_those_that_are_checked():
 
 
 def test_numbers_on_the_page_of_the_centroidal_law_are_those_that_it_has():
-    text = " ".join(
-        (DOCS / "centroidal_law_specification.md").read_text("utf-8").split()
-    )
+    text = " ".join(law_equations().split())
     assert f"`reach` ({VALUES['reach']:g} m," in text
     assert f"`damping` ({VALUES['damping']:g} m," in text
     assert f"`adaptation` ({VALUES['adaptation']:g} 1/s) estimates" in text

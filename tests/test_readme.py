@@ -23,12 +23,11 @@ from shown_commands import (
     run_shown,
     words_to_run,
 )
-from skyarm.studies.compare.envelope_axes import VEHICLES
 from skyarm.studies.compare.perturbed_plants import Spread
 from support.commands import skyarm
 from support.components import registry_kept
 
-LAWS = (ROOT / "docs" / "results_laws.md").read_text(encoding="utf-8")
+LAWS = (ROOT / "docs" / "data" / "results_laws.md").read_text(encoding="utf-8")
 ENVELOPE = (ROOT / "docs" / "results_envelope.md").read_text(encoding="utf-8")
 PAPER = (ROOT / "docs" / "the_paper.md").read_text(encoding="utf-8")
 
@@ -36,6 +35,7 @@ DOCS = "\n".join(
     page.read_text(encoding="utf-8") for page in sorted((ROOT / "docs").rglob("*.md"))
 )
 """All pages: a table is found by its mark, wherever it stands."""
+
 
 def rows(text):
     """Cells of the rows of a table below its head."""

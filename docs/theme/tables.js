@@ -1,4 +1,4 @@
-/* Tables of measured numbers (pages under data/): a field filters the rows, a click on a heading sorts them. */
+/* Tables of measured numbers (pages under data/): a field filters the rows, a click on a heading sorts them, CSV is the table as a file. */
 (() => {
   if (!/\/data\/[^/]*$/.test(location.pathname)) return;
   const value = (row, at) => {
@@ -34,6 +34,13 @@
       const words = field.value.toLowerCase().split(/\s+/).filter(Boolean);
       for (const row of rows) row.hidden = !words.every((word) => row.textContent.toLowerCase().includes(word));
     });
-    (table.closest(".md-typeset__scrollwrap") ?? table).before(field);
+    const file = document.createElement("a");
+    file.className = "csv";
+    file.textContent = "CSV";
+    file.download = `${location.pathname.split("/").pop().replace(/\.html$/, "")}.csv`;
+    const cell = (each) => `"${each.textContent.trim().replaceAll('"', '""')}"`;
+    const lines = [...table.rows].map((row) => [...row.cells].map(cell).join(","));
+    file.href = URL.createObjectURL(new Blob([lines.join("\r\n")], { type: "text/csv" }));
+    (table.closest(".md-typeset__scrollwrap") ?? table).before(field, file);
   }
 })();

@@ -1,5 +1,5 @@
 """Measure how well the hexarotor places boxes that it grips beside their middle: a
-table of docs/results_contact.md.
+table of docs/data/results_contact.md.
 
     python tests/control/measure_boxes.py [--seeds 2] [--seed 211]
         [--grippers magnet jaw ball] [--bandwidths 1 0.7] [--friction 0.5] [--dwell 1]

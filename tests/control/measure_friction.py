@@ -1,5 +1,5 @@
 """Measure what the accelerometer costs on joints with friction that the model lacks: a
-table of docs/results_laws.md.
+table of docs/data/results_laws.md.
 
     python tests/control/measure_friction.py [--small]
 

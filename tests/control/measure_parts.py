@@ -1,5 +1,5 @@
-"""Measure what parts are worth: the table of docs/results_laws.md, of the law as it is
-and without one of them.
+"""Measure what parts are worth: the table of docs/data/results_laws.md, of the law as
+it is and without one of them.
 
     python tests/control/measure_parts.py [--row TRIAL[:VALUE]] [--law NAME]
         [--vehicle NAME] [--seed 400] [--seeds 4] [--small]

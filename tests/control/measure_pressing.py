@@ -1,5 +1,5 @@
-"""Measure how well the centroidal law presses: tables of docs/results_contact.md, a
-batch a row or several.
+"""Measure how well the centroidal law presses: tables of
+docs/data/results_contact.md, a batch a row or several.
 
     python tests/control/measure_pressing.py pushes|approaches
         [--seeds 20] [--seed 5] [--small]
@@ -80,7 +80,7 @@ def pushes(seeds, seed):
     told, weak, turn = (seeds, seed), weak_rotors(), np.radians(10.0)
     hold, hard = [{FORCE: 1.0}, {FORCE: 2.0}], [{FORCE: 5.0}]
     yield from rows_of(
-        "arm2, [perfect state](glossary.md#perfect-state)",
+        "arm2, perfect state",
         "arm2",
         hold[:1],
         *told,

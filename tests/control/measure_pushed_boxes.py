@@ -1,5 +1,5 @@
 """Measure how a box is pushed by a stated force and by place: a table of
-docs/results_contact.md.
+docs/data/results_contact.md.
 
     python tests/control/measure_pushed_boxes.py [--seeds 32] [--seed 4801] [--small]
 
@@ -34,7 +34,7 @@ def pushes(seeds, seed):
         )
 
 
-HEADS = ("[push](glossary.md#push)", "succeeded", "shortest way, m", "longest way, m")
+HEADS = ("push", "succeeded", "shortest way, m", "longest way, m")
 
 if __name__ == "__main__":
     print_part(__doc__, {"pushes": (HEADS, pushes)}, seeds=32, seed=4801)

@@ -4,7 +4,7 @@ loads, handles, pegs.
     python tests/control/measure_tasks.py winds|edges|loads|handles|pegs
         [--seeds 20] [--seed 5] [--small]
 
-Tables of docs/results_contact.md. Noise is that of ``measure_pressing.py``.
+Tables of docs/data/results_contact.md. Noise is that of ``measure_pressing.py``.
 """
 
 import dataclasses

@@ -1,5 +1,5 @@
 """Measure what rotors that tilt are worth: the table *Tilting rotors* of
-docs/results_laws.md.
+docs/data/results_laws.md.
 
     python tests/control/measure_tilting.py [--small]
 

@@ -4,7 +4,7 @@ half of what the joints can hold.
     python tests/control/measure_walls.py stiffness|weak_joints|other_arms
         [--seeds 20] [--seed 5] [--small]
 
-Tables of docs/results_contact.md. Noise is that of ``measure_pressing.py``.
+Tables of docs/data/results_contact.md. Noise is that of ``measure_pressing.py``.
 """
 
 import sys

@@ -240,7 +240,7 @@ def test_a_grip_is_kept_moved_and_read():
 
 
 def test_the_table_on_the_page_is_that_of_a_grip():
-    page = Path(__file__).resolve().parents[2] / "docs" / "pressing.md"
+    page = Path(__file__).resolve().parents[2] / "docs" / "comply.md"
     (text,) = re.findall(
         r"```toml\n([^`]*?grip = .*?)```", page.read_text("utf-8"), re.DOTALL
     )

@@ -7,7 +7,6 @@ from __future__ import annotations
 import dataclasses
 import re
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,8 +23,9 @@ from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Change, Delays, Scenario
 from skyarm.simulate import run
 from skyarm.world import ForceWind
+from support.pages import EQUATIONS
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "centroidal_law_specification.md"
+PAGE = EQUATIONS / "32_sideways_force.md"
 HEXA = skyarm.load_vehicle("tilted_hexarotor")
 ARM2 = skyarm.load_vehicle("hummingbird_arm2_rotors")
 ARM = dataclasses.replace(ARM2, base=HEXA.base, rotors=HEXA.rotors)

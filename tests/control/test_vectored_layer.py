@@ -431,9 +431,8 @@ def test_a_safety_layer_goes_around_the_law_of_pairs():
     ids=["metre", "circle"],
 )
 def test_the_table_of_the_page_is_flown(trial, trajectory):
-    page = (Path(__file__).resolve().parents[2] / "docs" / "results_laws.md").read_text(
-        "utf-8"
-    )
+    docs = Path(__file__).resolve().parents[2] / "docs"
+    page = (docs / "data" / "results_laws.md").read_text("utf-8")
     text = page.partition("<!-- tilting rotors;")[2].partition(
         "<!-- /tilting rotors -->"
     )[0]

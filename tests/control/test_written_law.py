@@ -23,6 +23,7 @@ import skyarm
 from skyarm.control.laws.centroidal import noise_estimate
 from skyarm.control.laws.centroidal.options import GAINS, VALUES
 from skyarm.reference.preview import samples, samples_ahead
+from support.pages import law_equations
 
 LIBRARY = Path(skyarm.__file__).parent
 NOISE = {
@@ -107,8 +108,7 @@ def differences(rows: list[Any], law: WrittenLaw) -> Any:
     return np.array(found)
 
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
-PAGE = " ".join((DOCS / "centroidal_law_specification.md").read_text("utf-8").split())
+PAGE = " ".join(law_equations().split())
 PHRASES = {
     "observer": "`observer = [force, torque, joints, pose]` ({}, {}, {}, {} rad/s)",
     "base": "`base = [k_p, k_v, K_R, K_w]` ({}, {}, {}, {})",

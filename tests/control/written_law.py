@@ -1,5 +1,5 @@
 """The centroidal law in mode "tip" written again from
-docs/centroidal_law_specification.md and the files alone.
+the equations beside its code and the files alone.
 
 NumPy and the files of vehicle and scenario, nothing of the library. Numbers are those
 that the page states in parentheses; sections are the page's. For vehicles of turning

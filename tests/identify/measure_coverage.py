@@ -7,8 +7,8 @@ and how wide these are.
 Every vehicle is identified from a flight of a minute at low and at high noise, each
 with some channels left out. Each result is appended to the file as it comes; a run that
 was stopped goes on with what is missing, and one of which all is there prints the
-tables alone: those of docs/results_identification.md, and all groups on the standard
-error.
+tables alone: those of docs/data/results_identification.md, and all groups on the
+standard error.
 """
 
 from __future__ import annotations

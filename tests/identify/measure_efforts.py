@@ -1,5 +1,5 @@
 """Measure what joint torques in a log are worth: the table *Without torques* of
-docs/results_identification.md.
+docs/data/results_identification.md.
 
     python tests/identify/measure_efforts.py [--small]
 

@@ -1,5 +1,5 @@
 """Predict a published flight from the fit of another: a table of
-docs/results_identification.md.
+docs/data/results_identification.md.
 
 python tests/identify/measure_held_out.py            print the table; a minute
 python tests/identify/measure_held_out.py --small    after a fit of 3 s

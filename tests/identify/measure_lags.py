@@ -1,4 +1,5 @@
-"""Measure how well delays and lags are found: the table of docs/results_delays.md.
+"""Measure how well delays and lags are found: a table of
+docs/data/results_identification.md.
 
     python tests/identify/measure_lags.py [--flights 10] [--seed 300] [--small]
 

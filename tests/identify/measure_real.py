@@ -1,5 +1,5 @@
 """Identify vehicles on one half of public flights and predict the other: a table of
-docs/results_identification.md.
+docs/data/results_identification.md.
 
     python tests/identify/measure_real.py                   make real; ten minutes
     REAL_LOGS=FOLDER python tests/identify/measure_real.py  logs of a folder alone

@@ -1,5 +1,5 @@
 """Delays and lags planted in noisy flights, found in their logs: the table of
-docs/results_delays.md.
+docs/data/results_identification.md.
 """
 
 from __future__ import annotations

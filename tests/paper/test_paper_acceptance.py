@@ -37,6 +37,7 @@ from support.logs import motion
 
 TABLE2 = Path(__file__).parents[1] / "data" / "table2.json"
 PAGE = Path(__file__).parents[2] / "docs" / "the_paper.md"
+DATA = PAGE.parent / "data" / PAGE.name
 
 
 @pytest.fixture(scope="module")
@@ -284,7 +285,7 @@ SHORT = (
     ("case3_wind", "ee_error_mean"),
     ("case3_wind", "ee_error_max"),
 )
-"""Rows of the short tables of docs/the_paper.md: case, metric."""
+"""Rows of the short tables of docs/data/the_paper.md: case, metric."""
 
 MARKS = {"rigid_body": "table", "mujoco": "on mujoco"}
 """Plant -> mark of its short table."""
@@ -322,7 +323,7 @@ def _rows(written: str) -> list[list[str]]:
 
 
 def _pages_tables_are(table: dict[str, Any], columns: tuple[int, ...]) -> None:
-    page = PAGE.read_text(encoding="utf-8")
+    page = DATA.read_text(encoding="utf-8")
     for plant, mark in MARKS.items():
         written = (
             page.split(f"<!-- {mark}:")[1]

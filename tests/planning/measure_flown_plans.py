@@ -1,4 +1,4 @@
-"""Fly plans under several laws: the tables of docs/results_planning.md.
+"""Fly plans under several laws: the tables of docs/data/results_planning.md.
 
     python tests/planning/measure_flown_plans.py flown|tilted|caught [--small]
 

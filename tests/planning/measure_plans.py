@@ -1,4 +1,4 @@
-"""Plan many tasks: the tables of docs/results_planning.md on solutions.
+"""Plan many tasks: the tables of docs/data/results_planning.md on solutions.
 
     python tests/planning/measure_plans.py tasks|scenes [--small]
 

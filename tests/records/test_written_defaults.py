@@ -30,12 +30,15 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.vehicle.vehicle_tables import vehicle_from
 from support.pages import DOCS, cells_of
 from support.teams import TEAMS
+from website.generated_blocks import made
 
 Tables = dict[str, Any]
 
 WORDS = "<!-- generated: words"
 RECORD = "<!-- generated: record skyarm"
 OF_SENSORS = "<!-- generated: sensors -->"
+MADE = ""
+"""In place of a page: the head is that of a block, made afresh."""
 
 SENSORS: Tables = {
     "imu": {"kind": "imu"},
@@ -218,8 +221,8 @@ PAGES: list[tuple[str, str, str, Tables]] = [
     ),
     *(
         (
-            "laws",
-            f"<!-- generated: law {law} -",
+            MADE,
+            f"law {law}",
             "controller",
             tables(controller={"law": law}),
         )
@@ -227,8 +230,8 @@ PAGES: list[tuple[str, str, str, Tables]] = [
     ),
     *(
         (
-            "laws",
-            "<!-- generated: law centroidal -",
+            MADE,
+            "law centroidal",
             "controller",
             led_on(vehicle, **options),
         )
@@ -248,7 +251,7 @@ PAGES: list[tuple[str, str, str, Tables]] = [
     ),
     ("scenario_plant", f"{WORDS} initial", "initial", standing()),
     *(
-        ("carry_together", f"{RECORD}.world.team.{law}:{kind} -", "team", team(law))
+        ("team_laws", f"{RECORD}.world.team.{law}:{kind} -", "team", team(law))
         for law, kind in (
             ("object_wrench", "ObjectWrench"),
             ("leader_follower", "LeaderFollower"),
@@ -257,21 +260,11 @@ PAGES: list[tuple[str, str, str, Tables]] = [
     ),
     ("autopilots", "| option of `[controller]` |", "controller", flown_by("px4")),
     ("autopilots", "| field of `gains` |", "controller.gains", flown_by("betaflight")),
+    (MADE, "words reference.governor", "reference.governor", governed()),
+    (MADE, "record skyarm.reference.tip_plan:TipChoices", "reference.tip", led()),
     (
-        "path_governor",
-        "| field | meaning | raise it when |",
-        "reference.governor",
-        governed(),
-    ),
-    (
-        "scenario_reference",
-        f"{RECORD}.reference.tip_plan:TipChoices",
-        "reference.tip",
-        led(),
-    ),
-    (
-        "scenario_reference",
-        f"{RECORD}.reference.waypoints:FlightLimits",
+        MADE,
+        "record skyarm.reference.waypoints:FlightLimits",
         "reference.base",
         moved(kind="waypoints", points=[[0, 0, 1], [1, 0, 1]]),
     ),
@@ -302,8 +295,18 @@ PAGES: list[tuple[str, str, str, Tables]] = [
         world(objects=[BOX], grippers=[{"name": "magnet"}]),
     ),
     (
-        "mechanisms",
-        "| `[[world.mechanisms]]` |",
+        "scenario_phases",
+        "<!-- generated: guard others",
+        "reference.base.phases.0.until",
+        moved(
+            kind="phases",
+            position=[0.0, 0.0, 2.0],
+            phases=[{"kind": "hold", "duration": 1.0, "until": {"error": 0.1}}],
+        ),
+    ),
+    (
+        "scenario_mechanisms",
+        f"{RECORD}.world.contact:Mechanism -->",
         "world.mechanisms.0",
         world(mechanisms=[DOOR]),
     ),
@@ -404,8 +407,11 @@ def defaults(page: str, head: str) -> Iterator[tuple[str, Any]]:
     kind, where the head of the table ends with its name.
     """
     head, _, kind = head.partition("#")
-    text = (DOCS / f"{page}.md").read_text("utf-8")
-    block = text[text.index("|", text.index(head)) :].split("\n\n")[0]
+    if page == MADE:
+        block = made(head)
+    else:
+        text = (DOCS / f"{page}.md").read_text("utf-8")
+        block = text[text.index("|", text.index(head)) :].split("\n\n")[0]
     at = [
         cell.strip() for cell in block.splitlines()[0].strip("| ").split(" | ")
     ].index("default")

@@ -5,8 +5,6 @@ is told, and those of check.
 import dataclasses
 import functools
 import math
-import re
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -482,14 +480,3 @@ def test_a_reference_that_takes_another_s_place_is_governed_by_its_own_table():
             {"kind": "hover", "position": [0.0, 0.0, 1.0]},
         )
     assert with_part(governed_one, "reference", moving).path_time is None
-
-
-def test_the_page_lists_the_limits_with_their_defaults():
-    page = (Path(__file__).resolve().parents[2] / "docs/path_governor.md").read_text(
-        "utf-8"
-    )
-    rows = re.findall(r"^\| `(\w+)` \| .* \| ([\w.]+) \|$", page, re.MULTILINE)
-    fields = dataclasses.fields(GovernorOptions)
-    assert {name: float(value) for name, value in rows} == {
-        field.name: field.default for field in fields
-    }

@@ -8,7 +8,16 @@ from pathlib import Path
 
 from website.generated_blocks import made
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+EQUATIONS = ROOT / "src/skyarm/control/laws/centroidal/equations"
+
+
+@cache
+def law_equations() -> str:
+    """Equations of the centroidal law, file after file, with links by their words."""
+    texts = [path.read_text("utf-8") for path in sorted(EQUATIONS.glob("*.md"))]
+    return re.sub(r"\[([^\[\]]*)\]\([^()\s]*\)", r"\1", "\n".join(texts))
 
 
 def rows_of(page: str, head: str) -> list[list[str]]:

@@ -1,9 +1,8 @@
-"""The envelope in docs/results_envelope.md: tables, weakest points of the flagship and
-picture, from a folder.
+"""The envelope in docs/data/results_envelope.md: tables, weakest points of the flagship
+and picture, from a folder.
 
-python tests/website/envelope_of_laws.py out/envelope    writes the block into
-                                                         docs/results_envelope.md
-and docs/images/envelope.png
+python tests/website/envelope_of_laws.py out/envelope    writes the blocks of that page
+                                                         and docs/images/envelope.png
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ FIRST, REST = "the envelope", "more of the envelope"
 the other tables."""
 LEFT_OUT = ("paper_pd", "l1_adaptive")
 """Laws that the figure shows and the page's table has no room for."""
-PAGE = "docs/results_envelope.md"
+PAGE = "docs/data/results_envelope.md"
 PICTURE = "docs/images/envelope.png"
 
 

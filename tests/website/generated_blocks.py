@@ -28,13 +28,24 @@ import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.cli.arguments import EVERY
 from skyarm.cli.commands import program
-from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, tuned_factors
+from skyarm.control.catalogue import (
+    AUTOPILOTS,
+    LAWS,
+    PRESETS,
+    make_controller,
+    tuned_factors,
+)
+from skyarm.control.law_maker import default_gains
 from skyarm.control.laws.predictive.cost import Weights
 from skyarm.control.laws.predictive.observer import Bandwidths
-from skyarm.control.model import TORQUE_GAINS, GeometricGains, JointGains, Terms
+from skyarm.control.model import (
+    TORQUE_GAINS,
+    GeometricGains,
+    JointGains,
+    Model,
+    Terms,
+)
 from skyarm.control.option_units import OptionText, option_texts
-from skyarm.log.flight_log import IF_ANY, Log
-from skyarm.log.log_columns import COLUMNS
 from skyarm.log.metrics.accumulate import CONTINUOUS
 from skyarm.log.metrics.metric_catalogue import (
     FREE,
@@ -54,7 +65,7 @@ from skyarm.records.registry.shipped import SECTIONS
 from skyarm.records.units import Unit, declared_fields, units
 from skyarm.records.words import words_of_fields
 from skyarm.scenario import word_texts
-from skyarm.scenario.controller_table import option_words
+from skyarm.scenario.controller_table import law_words, option_words
 from skyarm.scenario.grammar import (
     SIGNAL,
     GrammarRow,
@@ -68,7 +79,13 @@ from skyarm.vehicle.linkage import Body, Joint
 from skyarm.vehicle.tilt import Tilt
 from skyarm.vehicle.vehicle_records import BodyDrag, Rotor
 from support.check_list import CHECKS
-from website.listed_parts import parts_of_environments, trials_of_suite
+from website.listed_parts import (
+    arrays_of_log,
+    flown_trials,
+    menu_lines,
+    parts_of_environments,
+    trials_of_suite,
+)
 from website.python_names import (
     arguments_of,
     classes_of,
@@ -82,6 +99,7 @@ DOCS = ROOT / "docs"
 DOCUMENTS = tomllib.loads(
     Path(__file__).with_name("document_keys.toml").read_text("utf-8")
 )
+EQUATIONS = tomllib.loads(Path(__file__).with_name("equations.toml").read_text("utf-8"))
 BLOCK = re.compile(
     r"^<!-- generated: ([^\n]*?) -->\n(.*?)^<!-- /generated -->$", re.M | re.S
 )
@@ -162,10 +180,31 @@ def law_block(law: str, *left_out: str) -> str:
     texts = option_texts(law)
     for word, option in option_words(law).items():
         text = texts[option]
-        rows.append(_option_row(word, text))
-        if f"-{word}" not in left_out:
-            rows += _table_rows(word, law, text)
+        name, entry, *more = _option_row(word, text)
+        if f"-{word}" in left_out:  # its fields stand once, for all cards
+            rows.append((name, f"[{entry}](../laws.md#gains)", *more))
+        else:
+            rows += [(name, entry, *more), *_table_rows(word, law, text)]
     return table(OPTION_HEADS, rows)
+
+
+def card_block(law: str) -> str:
+    """What a law can do, of which a reader asks first."""
+    model = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"))
+    options, made_law = LAWS[law].options(), make_controller(law, model)
+    # every law that commands joint torques flies servos through a layer
+    assert "servos" in law_words(law)
+    return table(
+        ("joint servos", "contact force", "tilting rotors", "C file", "batches"),
+        [
+            (
+                "yes",
+                "commands it" if "interaction" in options else "no",
+                "commands them" if "sideways" in options else "kept at rest",
+                *(("yes" if made_law.compiled else "no",) * 2),
+            )
+        ],
+    )
 
 
 def gains_block(option: str, law: str) -> str:
@@ -174,7 +213,27 @@ def gains_block(option: str, law: str) -> str:
     """
     rows = _table_rows(option, law, option_texts(law)[option])
     assert rows, f"{option} is no table"
+    if TABLES[option] is GeometricGains:
+        rows = [(*row[:2], _scaled_gain(row[0].strip("`")), *row[3:]) for row in rows]
     return table(OPTION_HEADS, rows)
+
+
+def _scaled_gain(name: str) -> str:
+    """Default of a gain of the base in words, and that of the paper's vehicle."""
+    field = name.rpartition(".")[2]
+    model = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"))
+    J, mass = model.vehicle.base.inertia, model.vehicle.mass
+    gain = getattr(default_gains(model), field)
+    linear = field in ("position", "velocity")
+    over = (mass,) * 3 if linear else (J.xx, J.yy, J.zz)
+    x, y, z = (f"{float(g) / float(by):.4g}" for g, by in zip(gain, over, strict=True))
+    assert x == y
+    words = (
+        f"{x} times the mass (kg)"
+        if linear
+        else f"{x} times the inertia (kg m^2), about z {z} times"
+    )
+    return f"{words}; paper: {shown(Vec3(*(round(float(g), 3) for g in gain)))}"
 
 
 def _option_row(word: str, text: OptionText) -> Sequence[str]:
@@ -434,7 +493,7 @@ def hand_rows(
 
 
 def task_block(*kinds: str) -> str:
-    """Keys of tasks, guards or study files that functions read; of several kinds one
+    """Keys of motions, studies or suites that functions read; of several kinds one
     after the other with their name.
     """
     chosen = [each for kind in kinds for each in word_texts.TASKS if each.kind == kind]
@@ -476,6 +535,25 @@ def _channel_row(row: Sequence[str], usual: Channel) -> Sequence[str]:
     meaning = row[4] or "errors of this channel"
     told = row[2] if row[2] not in ("", "-", "none") else ""
     return (row[0], "errors", told or ", ".join(stated) or "none", "", meaning, "")
+
+
+def phases_block() -> str:
+    """Keys of the phases of a task, those of every phase first."""
+    words = {"`every`": "every", "`contact`": "in contact"}
+    rows = [
+        (words.get(kinds, kinds.replace(", ", "`, `")), *cells)
+        for kinds, *cells in hand_rows(word_texts.PHASES, kinds=True)
+    ]
+    return table(("phase", *FIELD_HEADS), rows)
+
+
+def guard_block(part: str) -> str:
+    """Keys of ``until`` of a phase: its conditions, or the others."""
+    rows = hand_rows(
+        (each for each in word_texts.GUARDS if each.kind == part), kinds=False
+    )
+    assert rows, f"no keys {part}"
+    return table(FIELD_HEADS, rows)
 
 
 def kinds_of_keys(kind: str, at: str) -> str:
@@ -623,71 +701,6 @@ def metrics_block(group: str) -> str:
     return table(("metric", "unit", "window", "meaning"), rows)
 
 
-SHAPES = {
-    "joints": "N, joints",
-    "rotors": "N, rotors",
-    "tilting": "N, tilting rotors",
-    "loops": "N, 2",
-}
-SCALARS = (
-    "time",
-    "yaw_held",
-    "yaw_reference",
-    "path_time",
-    "phase",
-    "load_mass_found",
-    "push_deviation",
-)
-NAMES = {
-    "joints": "_JOINT",
-    "rotors": "_ROTOR",
-    "tilting": "_ROTOR",
-    "loops": "_rotors, _joints",
-}
-
-
-def shape_of(array: str) -> str:
-    """Shape of an array of a log in words, N its instants."""
-    group = COLUMNS.get(array, ("", ""))[1]
-    return (
-        SHAPES[group]
-        if group
-        else "N"
-        if array in SCALARS
-        else "N, 4"
-        if array == "quaternion"
-        else "N, 3"
-    )
-
-
-def columns_of(array: str) -> str:
-    """Names of the columns of an array in CSV and MCAP files."""
-    begin, group = COLUMNS.get(array, (array, ""))
-    if group:
-        return ", ".join(f"`{begin}{end}`" for end in NAMES[group].split(", "))
-    axes = {"N": ("",), "N, 3": ("_x", "_y", "_z"), "N, 4": ("_w", "_x", "_y", "_z")}[
-        shape_of(array)
-    ]
-    return ", ".join(f"`{begin}{axis}`" for axis in axes)
-
-
-def log_block(part: str) -> str:
-    """Arrays of a log: those of every flight, or those that only some flights have."""
-    listed = [name for name in units(Log) if (name in IF_ANY) == (part == "optional")]
-    assert part in ("arrays", "optional")
-    rows = [
-        (
-            f"`{n}`",
-            shape_of(n),
-            units(Log)[n].unit,
-            units(Log)[n].meaning,
-            columns_of(n),
-        )
-        for n in listed
-    ]
-    return table(("array", "shape", "unit", "meaning", "columns in CSV and MCAP"), rows)
-
-
 def command_block(*words: str) -> str:
     """Arguments and options of a command, or of a command behind a word; those that
     every command has are left out.
@@ -811,29 +824,29 @@ def checks_block(part: str) -> str:
     return table(("question", "may end as", "what is computed", "usual remedy"), rows)
 
 
+def equations_block(group: str) -> str:
+    """Equations with source and function; tests_of_equations.py has their tests."""
+    rows = [
+        (
+            row["quantity"],
+            f"$`{row['equation']}`$",
+            row["source"],
+            f"[`{Path(row['file']).stem}.{row['function']}`](../{row['file']})",
+        )
+        for row in EQUATIONS[group]
+    ]
+    return table(("quantity", "equation", "source", "function"), rows)
+
+
 def menu_block() -> str:
     """Menu of the site as a list, for readers of the pages as they lie."""
     menu = yaml.safe_load((DOCS.parent / "mkdocs.yml").read_text("utf-8"))["nav"]
-    return "\n".join(["", *_menu_lines(menu[1:], ""), ""]) + "\n"
-
-
-def _menu_lines(entries: list[Any], indent: str) -> list[str]:
-    """Lines of a nested list of a menu's entries that are pages of this folder."""
-    lines: list[str] = []
-    for entry in entries:
-        name, inside = (
-            next(iter(entry.items())) if isinstance(entry, dict) else ("", entry)
-        )
-        if not isinstance(inside, str):
-            below = _menu_lines(inside, f"{indent}  ")
-            lines += [f"{indent}* {name}", *below] if below else []
-        elif (DOCS / inside).is_file():
-            lines.append(f"{indent}* [{name or 'Overview'}]({inside})")
-    return lines
+    return "\n".join(["", *menu_lines(menu[1:], "", DOCS), ""]) + "\n"
 
 
 KINDS: dict[str, Callable[..., str]] = {
     "law": law_block,
+    "card": card_block,
     "gains": gains_block,
     "laws": laws_block,
     "record": record_block,
@@ -843,13 +856,15 @@ KINDS: dict[str, Callable[..., str]] = {
     "parts": lambda of: table(*parts_of_environments(of)),
     "signals": lambda: kinds_of_keys("signal", "SIGNAL"),
     "motions": lambda: kinds_of_keys("motion", "reference.base"),
+    "phases": phases_block,
+    "guard": guard_block,
     "vehicle": vehicle_block,
     "imports": imports_block,
     "suite": lambda name: table(*trials_of_suite(name)),
     "kinds": kinds_block,
     "presets": presets_block,
     "metrics": metrics_block,
-    "log": log_block,
+    "log": lambda part: table(*arrays_of_log(part)),
     "commands": commands_block,
     "common": common_block,
     "command": command_block,
@@ -857,7 +872,9 @@ KINDS: dict[str, Callable[..., str]] = {
     "methods": methods_block,
     "python": python_block,
     "checks": checks_block,
+    "equations": equations_block,
     "menu": menu_block,
+    "trials": lambda suite: table(*flown_trials(suite)),
 }
 """Kind of a block -> function of its words that returns the table."""
 

@@ -1,5 +1,5 @@
-"""The tables of mean errors of docs/results_laws.md, flown as the comparison flies the
-laws, with perfect state.
+"""The tables of mean errors of docs/data/results_laws.md, flown as the comparison flies
+the laws, with perfect state.
 
 python tests/website/law_envelopes.py case3              flies every law and prints the
                                                          table of a case
@@ -25,7 +25,7 @@ from skyarm.studies.compare.suite import CASES, conditions
 from skyarm.studies.flights.fly import fly
 from support.measured_tables import print_table
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "results_laws.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "data" / "results_laws.md"
 CASES_SHOWN = ("case3", "case3_wind")
 HEADS = (
     "law",
@@ -111,7 +111,7 @@ def cells(case: str) -> Iterator[list[str]]:
 def main() -> None:
     """Print the table of a case between its marks."""
     parser = argparse.ArgumentParser(
-        description="Fly every law of docs/results_laws.md in a case."
+        description="Fly every law of docs/data/results_laws.md in a case."
     )
     parser.add_argument("case", choices=CASES_SHOWN)
     parser.add_argument("--small", action="store_true", help="two laws")

@@ -1,19 +1,24 @@
-"""Rows of the tables of the reference pages that list parts of learning environments,
-and trials of the suites that ship.
+"""Rows of the tables of the pages that list parts of learning environments, trials
+of the suites that ship and arrays of a log, and lines of the menu.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 from skyarm.envs.action_kinds import ACTIONS
 from skyarm.envs.observed_quantities import OBSERVED, USUAL
 from skyarm.envs.reward_terms import REWARDS, USUAL_REWARD
+from skyarm.log.flight_log import IF_ANY, Log
+from skyarm.log.log_columns import COLUMNS
 from skyarm.records.field_rules import defaults
-from skyarm.records.units import declared_fields
+from skyarm.records.units import declared_fields, units
 from skyarm.studies.compare.contact_tasks import FRICTION, WIND
+from skyarm.studies.compare.envelope_axes import AXES
 from skyarm.studies.compare.suite import library_rows
-from skyarm.studies.compare.survive_trials import TRIALS
+from skyarm.studies.compare.survive_trials import TRIALS as SURVIVED
 
 Table = tuple[Sequence[str], list[Sequence[str]]]
 """Heads of a table and its rows."""
@@ -50,55 +55,114 @@ def _number(value: object) -> str:
 
 
 def trials_of_suite(name: str) -> Table:
-    """Trials of a suite that ships, from the tables of its library."""
-    if name == "survive":
-        return ("condition", "flight", "values", "unit"), [
-            (
-                f"`{each.name}`",
-                each.title,
-                ", ".join(f"{value:g}" for value in each.values),
-                each.unit,
-            )
-            for each in TRIALS.values()
-        ]
-    rows = [*library_rows(SUITES[name])]
+    """Tasks of the contact suite, or conditions of the team suite."""
     if name == "contact":
-        heads: Sequence[str] = ("task", "what the vehicle does", "friction", "wind")
-        cells = [
+        return ("task", "what the vehicle does", "friction", "wind"), [
             (
                 f"`{each['name']}`",
                 each["title"],
                 "{:g} to {:g}".format(*each.get("friction", FRICTION)),
                 f"up to {each.get('wind', WIND):g} N",
             )
-            for each in rows
+            for each in library_rows("contact_tasks")
         ]
-    elif name == "team":
-        heads = ("condition", "what differs from the scenario")
-        cells = [
-            (f"`{each['name']}`", each.get("own") or each["title"]) for each in rows
-        ]
-    else:
-        heads = ("trial", "flight", "values", "unit", "noisy")
-        cells = [
-            (
-                f"`{each['name']}`",
-                each["title"],
-                ", ".join(
-                    f"{value * each.get('shown', 1.0):g}"
-                    for value in each.get("values", ())
-                ),
-                each.get("unit", ""),
-                "yes" if each.get("noisy") else "no",
-            )
-            for each in rows
-        ]
-    return heads, cells
+    assert name == "team", f"no trials of {name}"
+    return ("condition", "what differs from the scenario"), [
+        (f"`{each['name']}`", each.get("own") or each["title"])
+        for each in library_rows("team_rows")
+    ]
 
 
-SUITES = {
-    "envelope": "envelope_axes",
-    "contact": "contact_tasks",
-    "team": "team_rows",
+def flown_trials(suite: str) -> Table:
+    """Trials of the envelope or of the survive suite, with their values as the tables
+    of results show them.
+    """
+    head = {"envelope": "axis", "survive": "condition"}[suite]
+    rows: list[Sequence[str]] = []
+    for name, trial in (AXES if suite == "envelope" else SURVIVED).items():
+        scale = getattr(trial, "shown", 1.0)
+        values = ", ".join(f"{value * scale:g}" for value in trial.values)
+        noisy = "yes" if trial.noisy else "no"
+        unit = trial.unit.removesuffix(" late")
+        rows.append((f"`{name}`", trial.title, values, unit, noisy))
+    return (head, "flown", "values", "unit", "noisy"), rows
+
+
+SHAPES = {
+    "joints": "N, joints",
+    "rotors": "N, rotors",
+    "tilting": "N, tilting rotors",
+    "loops": "N, 2",
 }
-"""Suite -> its library's table."""
+SCALARS = (
+    "time",
+    "yaw_held",
+    "yaw_reference",
+    "path_time",
+    "phase",
+    "load_mass_found",
+    "push_deviation",
+)
+NAMES = {
+    "joints": "_JOINT",
+    "rotors": "_ROTOR",
+    "tilting": "_ROTOR",
+    "loops": "_rotors, _joints",
+}
+
+
+def shape_of(array: str) -> str:
+    """Shape of an array of a log in words, N its instants."""
+    group = COLUMNS.get(array, ("", ""))[1]
+    return (
+        SHAPES[group]
+        if group
+        else "N"
+        if array in SCALARS
+        else "N, 4"
+        if array == "quaternion"
+        else "N, 3"
+    )
+
+
+def columns_of(array: str) -> str:
+    """Names of the columns of an array in CSV and MCAP files."""
+    begin, group = COLUMNS.get(array, (array, ""))
+    if group:
+        return ", ".join(f"`{begin}{end}`" for end in NAMES[group].split(", "))
+    axes = {"N": ("",), "N, 3": ("_x", "_y", "_z"), "N, 4": ("_w", "_x", "_y", "_z")}[
+        shape_of(array)
+    ]
+    return ", ".join(f"`{begin}{axis}`" for axis in axes)
+
+
+def arrays_of_log(part: str) -> Table:
+    """Arrays of a log: those of every flight, or those that only some flights have."""
+    listed = [name for name in units(Log) if (name in IF_ANY) == (part == "optional")]
+    assert part in ("arrays", "optional")
+    rows: list[Sequence[str]] = [
+        (
+            f"`{n}`",
+            shape_of(n),
+            units(Log)[n].unit,
+            units(Log)[n].meaning,
+            columns_of(n),
+        )
+        for n in listed
+    ]
+    return ("array", "shape", "unit", "meaning", "columns in CSV and MCAP"), rows
+
+
+def menu_lines(entries: list[Any], indent: str, docs: Path) -> list[str]:
+    """Lines of a nested list of a menu's entries that are pages of this folder."""
+    lines: list[str] = []
+    for entry in entries:
+        name, inside = (
+            next(iter(entry.items())) if isinstance(entry, dict) else ("", entry)
+        )
+        if not isinstance(inside, str):
+            below = menu_lines(inside, f"{indent}  ", docs)
+            lines += [f"{indent}* {name}", *below] if below else []
+        elif (docs / inside).is_file():
+            lines.append(f"{indent}* [{name or 'Overview'}]({inside})")
+    return lines

@@ -1,5 +1,5 @@
 """Laws in Case 3 and in its wind with and without noise, and times of a control step:
-tables of docs/results_laws.md.
+tables of docs/data/results_laws.md.
 
     python tests/website/measured_cases.py noise|predictive|learned|control_step
         [--seeds 8] [--small]

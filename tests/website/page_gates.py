@@ -32,7 +32,7 @@ CELL = 120
 SHELL = ("sh", "bash", "console", "shell")
 OUTPUT = ("text", "output", "")
 RESULTS = (
-    "results_",
+    "results",
     "performance",
     "the_paper",
     "mathematics",

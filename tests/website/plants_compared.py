@@ -1,5 +1,5 @@
 """Largest differences between the two plants over the paper's five experiments, as rows
-of docs/the_paper.md.
+of docs/data/the_paper.md.
 
 python tests/website/plants_compared.py            print the table; a minute
 python tests/website/plants_compared.py --small    one experiment under one integrator
@@ -70,7 +70,7 @@ def rows(integrators: Sequence[str], cases: Sequence[str]) -> Iterator[list[str]
 
 
 HEADS = (
-    "[integrator](scenario_plant.md#integrators)",
+    "integrator",
     "base, mm",
     "joints, mrad",
     "processor time of MuJoCo's plant over `rk4`",

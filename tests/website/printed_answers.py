@@ -3,7 +3,7 @@ and write them into the pages.
 
     python tests/website/printed_answers.py [--write] [PAGE ...]
 
-PAGE is a path below docs, as ``delays.md`` or ``../README.md``; all if left out.
+PAGE is a path below docs, as ``margins.md`` or ``../README.md``; all if left out.
 Minutes.
 """
 

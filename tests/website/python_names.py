@@ -17,7 +17,7 @@ FUNCTIONS = {
     "fly": {
         "run": "first_flight.md",
         "replay": "logs.md",
-        "govern": "path_governor.md",
+        "govern": "tip_and_tasks.md",
         "with_numbers": "add_a_law.md",
         "compare": "comparing_laws.md",
         "fly_sweep": "sweeps.md",
@@ -141,7 +141,7 @@ CLASSES = {
         "Drive": "add_a_drive.md",
         "Ending": "add_an_ending.md",
         "Metric": "add_a_metric.md",
-        "Team": "carry_together.md",
+        "Team": "team_laws.md",
         "LogFormat": "add_a_log_format.md",
     },
     "numbers": {

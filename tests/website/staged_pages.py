@@ -2,8 +2,9 @@
 drawings and formulas are inside.
 
 A page stays readable where it lies: what is changed here is changed in a copy. Taken
-from outside of docs are the pages of the repository (``REPOSITORY``), the examples, and
-single files that a page links to.
+from outside of docs are the pages of the repository (``REPOSITORY``), the examples,
+parts of pages that lie beside their code (``JOINED``), and single files that a page
+links to.
 """
 
 from __future__ import annotations
@@ -26,11 +27,19 @@ REPOSITORY = {
 }
 """Page of the repository -> its name on the site."""
 
+EQUATIONS = ROOT / "src/skyarm/control/laws/centroidal/equations"
+JOINED = {EQUATIONS: "centroidal_law_specification.md"}
+"""Folder of Markdown beside code -> the page of the site of which its files are
+parts."""
+
 LINK = re.compile(r"(!?\[(?:[^\[\]]|\[[^\[\]]*\])*\]\()([^()\s]+)(\))")
 """``[words](target)`` and ``![words](target)``."""
 
 MENU = re.compile(r"<details>\n<summary>All pages</summary>\n.*?</details>\n", re.S)
 """List of all pages on the home page, which the site has as its menu."""
+
+PARTS = re.compile(r"^<!-- joined: (\S+) -->$", re.M)
+"""A place for the files of a folder, one after the other."""
 
 FENCE = re.compile(r"^( *)(`{3,}|~{3,}).*?^\1\2[ \t]*$", re.M | re.S)
 """A fenced block, which is shown as it stands."""
@@ -75,6 +84,8 @@ def site_name(path: Path) -> str | None:
     has no place there.
     """
     inside = path.relative_to(ROOT).as_posix()
+    if path.parent in JOINED and path.suffix == ".md":
+        return JOINED[path.parent]
     if inside in REPOSITORY:
         return REPOSITORY[inside]
     if path.is_relative_to(DOCS):
@@ -182,17 +193,32 @@ def with_recordings(text: str, name: str, recordings: Path | None) -> str:
     return ASKED.sub(one, text)
 
 
+def with_parts(text: str, name: str, taken: dict[str, Path]) -> str:
+    """Text with the files of a folder in their place, two levels of headings lower."""
+
+    def one(found: re.Match[str]) -> str:
+        parts = sorted((ROOT / found[1]).glob("*.md"))
+        assert parts, f"{name}: no files in {found[1]}"
+        return "\n".join(
+            outside_fences(
+                relink(part.read_text("utf-8"), part, name, taken),
+                lambda words: re.sub(r"^#", "###", words, flags=re.M),
+            )
+            for part in parts
+        )
+
+    return PARTS.sub(one, text)
+
+
 def staged(
     page: Path, recordings: Path | None, taken: dict[str, Path]
 ) -> tuple[str, str]:
     """Name on the site and text of a page."""
     name = site_name(page)
     assert name is not None
-    text = (
-        relink(page.read_text("utf-8"), page, name, taken)
-        if page.suffix == ".md"
-        else page.read_text("utf-8")
-    )
+    text = page.read_text("utf-8")
+    if page.suffix == ".md":
+        text = with_parts(relink(text, page, name, taken), name, taken)
     return name, staged_text(text, page, name, recordings)
 
 

@@ -20,6 +20,7 @@ from site_recordings import RECORDINGS, asked_for, make_recordings
 from site_reference import ROOMS, homes, reference_pages
 from staged_pages import (
     DOCS,
+    JOINED,
     ROOT,
     relink,
     site_name,
@@ -33,7 +34,15 @@ import skyarm
 
 CONFIG: dict[str, Any] = yaml.safe_load((ROOT / "mkdocs.yml").read_text("utf-8"))
 TEXTS = {path: path.read_text("utf-8") for path in sorted(DOCS.rglob("*.md"))}
-FORMULAS = sorted({formula for text in TEXTS.values() for formula in formulas(text)})
+PARTS = {
+    path: path.read_text("utf-8")
+    for folder in JOINED
+    for path in sorted(folder.glob("*.md"))
+}
+"""Files of which a page consists on the site."""
+FORMULAS = sorted(
+    {formula for text in (TEXTS | PARTS).values() for formula in formulas(text)}
+)
 
 
 ROOM = {"studio.md", "pictures.md", "logs.md", "command_line.md"}
@@ -66,7 +75,8 @@ def test_the_menu_names_every_page_once_and_no_other() -> None:
         "api/index.md",
     }
     assert set(menu) - made - ROOM <= here
-    assert here <= set(menu)
+    # data pages are linked from the page whose numbers they hold
+    assert {name for name in here if not name.startswith("data/")} <= set(menu)
     assert made <= set(menu)
 
 
@@ -97,11 +107,16 @@ def slug(heading: str) -> str:
 
 
 @pytest.mark.parametrize(
-    "page", TEXTS, ids=lambda page: page.relative_to(DOCS).as_posix()
+    "page",
+    TEXTS | PARTS,
+    ids=lambda page: page.relative_to(
+        DOCS if page.is_relative_to(DOCS) else ROOT
+    ).as_posix(),
 )
 def test_links_of_a_page_lead_to_files_and_headings(page: Path) -> None:
     """Of the pages as they lie, which is how GitHub shows them."""
-    text = re.sub(r"^```.*?^```$", "", TEXTS[page], flags=re.M | re.S)
+    text = (TEXTS | PARTS)[page]
+    text = re.sub(r"^```.*?^```$", "", text, flags=re.M | re.S)
     for target in re.findall(
         r"\]\(([^)\s]+)\)", re.sub(r"`[^`\n]*\]\([^`\n]*`", "", text)
     ):
@@ -141,6 +156,24 @@ def test_a_link_that_leaves_docs_leads_to_a_page_or_a_copy() -> None:
         relink("```sh\n[x](nothing.md)\n```", page, "notebooks/index.md", {})
         == "```sh\n[x](nothing.md)\n```"
     )
+
+
+def test_files_beside_the_code_are_parts_of_their_page() -> None:
+    """Each heading stands once, two levels lower, and links between files are anchors
+    of the page.
+    """
+    for folder, name in JOINED.items():
+        taken: dict[str, Path] = {}
+        _, text = staged(DOCS / name, None, taken)
+        heads = [slug(head) for head in re.findall(r"^#+ (.*)$", text, re.M)]
+        assert len(heads) == len(set(heads))
+        parts = [path for path in PARTS if path.parent == folder]
+        assert len(parts) > 20
+        for path in parts:
+            first = PARTS[path].partition("\n")[0]
+            assert f"\n##{first}\n" in text
+        assert set(re.findall(rf"\]\({name}#([\w-]+)\)", text)) <= set(heads)
+        assert "equations/" not in "".join(taken)
 
 
 def test_a_recording_is_played_where_it_was_made_and_left_out_where_not(
@@ -372,7 +405,7 @@ def test_a_page_of_the_repository_keeps_its_text() -> None:
     pytest.importorskip("latex2mathml", reason="of the extra docs")
     name, text = staged(ROOT / "README.md", None, {})
     assert name == "readme.md"
-    assert "](the_paper.md#what-the-paper-leaves-open)" in text
+    assert "](the_paper.md)" in text
     assert "](extending.md)" in text
 
 

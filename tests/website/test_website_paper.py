@@ -9,8 +9,9 @@ import pytest
 
 import skyarm
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "the_paper.md").read_text(
-    "utf-8"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+PAGE = "\n".join(
+    (DOCS / name).read_text("utf-8") for name in ("the_paper.md", "data/the_paper.md")
 )
 ROWS = dict(re.findall(r"^\| ([^|]+?) \| ([^|]+?) \| [^|]+ \|$", PAGE, re.M))
 CASES = ("case1", "case2", "case2_gust", "case3", "case3_wind")

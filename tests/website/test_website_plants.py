@@ -1,4 +1,4 @@
-"""Differences between the plants that docs/the_paper.md shows are those that are
+"""Differences between the plants that docs/data/the_paper.md shows are those that are
 flown.
 """
 
@@ -8,7 +8,8 @@ import pytest
 from plants_compared import INTEGRATORS, compared, row
 from staged_pages import DOCS
 
-ROWS = (DOCS / "the_paper.md").read_text("utf-8").partition("## Plants compared")[2]
+PAGE = DOCS / "data" / "the_paper.md"
+ROWS = PAGE.read_text("utf-8").partition("## Plants compared")[2]
 
 
 @pytest.mark.site

@@ -27,6 +27,7 @@ from percent_scripts import cells, run_script
 from shown_pages import FRONT, PAGES, WITH_CODE, flown, missing_programs, own_blocks
 
 from shown_commands import ELSEWHERE as ELSEWHERE_COMMANDS
+from skyarm.records.registry.shipped import SHIPPED
 
 ELSEWHERE: dict[str, tuple[str, ...]] = {
     "in_python.md": (
@@ -54,8 +55,9 @@ OTHERS = {
 }
 ELSEWHERE |= {name: tests for name, tests in OTHERS.items() if name in PAGES}
 TABLES = {
-    ("carry_together.md", "toml"): "tests/world/test_teams.py",
+    ("several_vehicles.md", "toml"): "tests/world/test_teams.py",
     ("pressing.md", "toml"): "tests/control/test_gripping.py",
+    ("comply.md", "toml"): "tests/control/test_gripping.py",
     ("identification.md", "toml"): "tests/flight_data/test_table_file.py",
     ("phases.md", "toml"): "tests/simulate/test_sensed_guards.py",
     ("sensors.md", "toml"): "tests/sensing/test_force_sensors.py",
@@ -65,7 +67,6 @@ TABLES = {
     ("scenario_reference.md", "toml"): "tests/test_docs.py",
     ("scenario_sensors.md", "toml"): "tests/test_docs.py",
     ("scenario_world.md", "toml"): "tests/test_docs.py",
-    ("centroidal_law_specification.md", "toml"): "tests/control/test_level_flights.py",
     ("tuning.md", "toml"): "tests/studies/tune/test_files_of_gains_shown.py",
     ("sweeps.md", "toml"): "tests/test_docs_pictures.py",
     ("your_vehicle.md", "toml"): "tests/cli/test_mounted_arm.py",
@@ -96,21 +97,18 @@ SLOW = {
     "add_a_world_part.md",
     "add_an_ending.md",
     "autopilots.md",
-    "carry_together.md",
     "choose_a_law.md",
     "coming_from.md",
     "command_line.md",
     "comparing_laws.md",
-    "delays.md",
     "disturbances_and_payloads.md",
     "environments.md",
     "export_c.md",
     "first_flight.md",
     "in_python.md",
     "how_a_flight_works.md",
-    "laws.md",
+    *(f"laws/{law}.md" for law in SHIPPED["law"]),
     "margins.md",
-    "path_governor.md",
     "phases.md",
     "plan_a_flight.md",
     "planning_tasks.md",

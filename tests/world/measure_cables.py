@@ -1,4 +1,4 @@
-"""Measure bodies on cables: the tables of docs/results_cables.md.
+"""Measure bodies on cables: the tables of docs/data/results_cables.md.
 
     python tests/world/measure_cables.py beam|eight|recorded [--small]
 

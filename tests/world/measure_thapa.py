@@ -1,4 +1,4 @@
-"""Measure Thapa's law in full dynamics: the table of docs/results_without_messages.md.
+"""Measure Thapa's law in full dynamics: the table of docs/data/results_teams.md.
 
     python tests/world/measure_thapa.py [--small]
 

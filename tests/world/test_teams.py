@@ -1005,7 +1005,7 @@ def test_thapas_law_on_kinematic_tips_has_his_internal_force_speed_and_mass():
 
 def test_the_tables_of_the_page_are_those_of_the_shipped_scenario() -> None:
     root = Path(__file__).resolve().parents[2]
-    page = (root / "docs" / "carry_together.md").read_text("utf-8")
+    page = (root / "docs" / "several_vehicles.md").read_text("utf-8")
     shown = tomllib.loads(page.partition("```toml\n")[2].partition("```")[0])
     shipped = tomllib.loads(
         (root / "src/skyarm/scenario/library/two_carry_a_bar.toml").read_text("utf-8")

@@ -287,7 +287,7 @@ def tuned_factors() -> Mapping[str, Mapping[str, float]]:
     any vehicle.
 
     How the factors in the file next to this one were found is described in
-    docs/laws.md, Tuned gains.
+    docs/laws.md.
     """
     text = (
         resources.files("skyarm.control")

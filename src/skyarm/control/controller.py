@@ -259,6 +259,20 @@ def autopilot_of(controller: Controller) -> Any:
 def all_applied(joints: int) -> tuple[float, ...]:
     """Initial flags, all 1, for the rotors together and for each joint: every command
     was applied as desired.
+
+    A law whose memory has a field ``sent`` stores its command there, and the safety
+    layer writes the applied one into it. A law that integrates also has a field
+    ``applied`` and sets all its flags to 1 in each period; the layer sets those of
+    altered commands to 0. Here an integral over the rotors stands still meanwhile::
+
+        rotors, *joints = memory.applied  # flags of the last command
+        integral = memory.integral + rotors * error * dt
+        flags = all_applied(len(joints))
+        memory = replace(memory, integral=integral, sent=command, applied=flags)
+
+    The layer measures a law's default stiffness and damping with its first memory. If a
+    law begins with lower gains, a method ``after_start`` of that memory returns the
+    memory after that.
     """
     return (1.0,) * (1 + joints)
 

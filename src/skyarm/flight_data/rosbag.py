@@ -7,7 +7,8 @@ those of MAVROS are quantities by their type: inertial units, poses, transforms,
 odometry, batteries, joint states, outputs to motors and their speeds. Topics of
 references and commands are no measurements. Of several vehicles, told by the names of
 their inertial units' topics, one is read. A pose is of one world: that of a motion
-capture where there is one, not the autopilot's.
+capture where there is one, not the autopilot's. PX4's ``actuator_motors`` are shares of
+thrust, and are the signals of the rotors only where ``THR_MDL_FAC`` is 0.
 """
 
 from __future__ import annotations

@@ -3,7 +3,9 @@
 Axes of the file are forward, right, down of the base and north, east, down of the
 world; they become ours, forward, left, up and north, west, up. The signal of a rotor is
 the output of its channel between the parameters of least and largest output, or what
-PX4 makes of the thrust that it asks of the motor.
+PX4 makes of the thrust that it asks of the motor. Up to 1.13 outputs are those of DShot
+where ``DSHOT_CONFIG`` is set; a note has their range. Rates before the filters
+(``sensor_combined``) are read unless they come at less than 80 Hz.
 """
 
 from __future__ import annotations

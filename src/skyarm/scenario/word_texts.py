@@ -99,13 +99,16 @@ SIGNALS, MOTIONS = _by_hand("signals"), _by_hand("motions")
 """Keys of the signals, and of the motions but for tasks, that are read by hand."""
 
 TASKS = _by_hand("tasks")
-"""Keys of tasks, of guards and of other tables that functions read, by kind; of a study
-file, too."""
+"""Keys of motions, of studies, suites and other tables that functions read, by kind."""
 
 IMPORTS: tuple[tuple[str, str, str], ...] = tuple(
     (each["form"], each["found"], each["read"]) for each in _TABLES["imports"]
 )
 """Format of a file, what stands there, and how a vehicle has it."""
+
+PHASES, GUARDS = _by_hand("phases"), _by_hand("until")
+"""Keys of the phases of a task by the kinds that have them, and of ``until`` by what
+they are: conditions or others."""
 
 VEHICLE = _by_hand("vehicle")
 """Keys of a vehicle file that are no field of a record, or mean more than the field."""

@@ -1,5 +1,5 @@
-"""Measure size and time of exported controllers: the table *Measured* of
-docs/export_c.md.
+"""Measure size and time of exported controllers: the table of
+docs/data/export_c.md.
 
     python tests/control/onboard/measure_export.py [--small]
 

@@ -417,25 +417,28 @@ def test_the_file_is_c_plus_plus_too(tmp_path):
 
 
 @needs_cc
-def test_the_guide_s_example_compiles_and_its_operation_counts_are_current(tmp_path):
+def test_the_program_of_the_guide_prints_what_the_guide_shows(tmp_path):
     guide = (Path(__file__).parents[3] / "docs" / "export_c.md").read_text("utf-8")
-    (example,) = re.findall(r"```c\n(.*?)```", guide, re.DOTALL)
-    (tmp_path / "paper_ct.c").write_text(
-        text_of(built("hummingbird_arm2", "paper_ct"), "paper_ct")
+    (program,) = re.findall(r"```c title=\"main.c\"\n(.*?)```", guide, re.DOTALL)
+    (shown,) = re.findall(
+        r"^<!-- not printed: of a C compiler.*?\n```text\n(.*?)```", guide, re.M | re.S
     )
-    prototypes = (
-        "void start(void);\nvoid tick(const struct paper_ct_measurement *measurement,\n"
-        "          const struct paper_ct_reference *reference, struct paper_ct_command"
-        " *command);\n"
-    )
-    object_file(
-        example.replace("static", prototypes + "static", 1),
-        tmp_path,
-        ("-O2", *CAREFUL),
-        name="user",
+    law = text_of(built("hummingbird_arm2", "paper_ct"), "paper_ct")
+    (tmp_path / "paper_ct.c").write_text(law)
+    objects = [
+        object_file(text, tmp_path, ("-O2", *CAREFUL), name=name)
+        for name, text in (("main", program), ("paper_ct", law))
+    ]
+    run(CC, *objects, "-lm", "-o", tmp_path / "law")
+    assert run(tmp_path / "law") == shown
+
+
+def test_operations_and_parameters_of_the_table_are_current():
+    table = (Path(__file__).parents[3] / "docs" / "data" / "export_c.md").read_text(
+        "utf-8"
     )
     rows = re.findall(
-        r"^\| `(\w+)` on `(\w+)` \| (\d+) \| (\d+) \|", guide, re.MULTILINE
+        r"^\| `(\w+)` on `(\w+)` \| (\d+) \| (\d+) \|", table, re.MULTILINE
     )
     assert len(rows) >= 2
     for name, vehicle, operations, parameters in rows:

@@ -165,12 +165,12 @@ SPEEDS = {
     "noise f64": ("machine code, RK4 5 ms, noise on all 23 channels", "f64", ""),
     "noise f32": ("machine code, RK4 5 ms, noise on all 23 channels", "f32", ""),
 }
-"""Contender -> its words in docs/performance.md, its floats, and its flight in the
+"""Contender -> its words in docs/data/performance.md, its floats, and its flight in the
 table of accuracy."""
 
 
 def speed_table(found: Mapping[str, Any]) -> None:
-    """Print the table of the engines of docs/performance.md."""
+    """Print the table of the engines of docs/data/performance.md."""
     ratios: dict[str, float] = {}
     for each in found["speed"]:
         # all threads come first
@@ -196,7 +196,7 @@ def speed_table(found: Mapping[str, Any]) -> None:
 
 
 def times_table(found: Mapping[str, Any]) -> None:
-    """Print the table of times of docs/performance.md."""
+    """Print the table of times of docs/data/performance.md."""
     step, start_s = found["latency"], found["start_s"]
     rows = [
         (
@@ -233,7 +233,7 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--table",
         choices=("speed", "times"),
-        help="print a table of docs/performance.md alone",
+        help="print a table of docs/data/performance.md alone",
     )
     parser.add_argument("--out", help="write the numbers there too, as JSON")
     options = parser.parse_args(words)

@@ -1,5 +1,5 @@
 """Speed with each of several laws, of many flights at once, and of first flights:
-tables of docs/performance.md.
+tables of docs/data/performance.md.
 
 python tests/studies/bench/measure_laws.py laws      print a table: laws, counts or
                                                      starts

@@ -1,5 +1,5 @@
 """Time of a million episodes of Case 3 by ``skyarm sweep``, in both precisions: a table
-of docs/performance.md.
+of docs/data/performance.md.
 
 python tests/studies/bench/measure_million.py [--episodes N] [--workers 2] [--small]
 """

@@ -86,7 +86,7 @@ def test_the_tables_of_the_page_have_its_columns(
         line for line in capsys.readouterr().out.splitlines() if line.startswith("|")
     ]
     page = (
-        (Path(__file__).resolve().parents[3] / "docs" / "performance.md")
+        (Path(__file__).resolve().parents[3] / "docs" / "data" / "performance.md")
         .read_text("utf-8")
         .splitlines()
     )

@@ -1,5 +1,5 @@
 """Measure the contact suite: the tables of the section *Contact suite* of
-docs/results_contact.md.
+docs/data/results_contact.md.
 
     python tests/studies/compare/measure_contact_suite.py [--worlds 64]
         [--out out/contact_suite] [--small]

@@ -1,4 +1,4 @@
-"""Measure the survive suite: the tables of docs/results_survive.md.
+"""Measure the survive suite: the tables of docs/data/results_survive.md.
 
     python tests/studies/compare/measure_survive_suite.py [--vehicles] [--small]
         [--out out/survive_suite]

@@ -1,4 +1,4 @@
-"""Measure the team suite: the tables of docs/results_carrying.md.
+"""Measure the team suite: the tables of docs/data/results_teams.md.
 
     python tests/studies/compare/measure_team_suite.py TABLE [--seeds 200] [--small]
 

@@ -36,7 +36,7 @@ def numbers(par, path):
     "name", [n for n, e in ENTRANTS.items() if e.law in FACTORS and e.group != "step"]
 )
 def test_published_laws_fly_the_tuned_gains_of_the_file_and_nmpc_its_own_as_well(name):
-    """docs/results_laws.md: published laws fly gains of one procedure; nmpc without
+    """docs/data/results_laws.md: published laws fly gains of one file; nmpc without
     "(tuned)" was set by hand.
     """
     entrant = ENTRANTS[name]

@@ -1,5 +1,5 @@
 """Measure from which delay of the commands on a vehicle swings in hover: a table of
-docs/margins.md.
+docs/data/margins.md.
 
     python tests/studies/stability/measure_delays_that_swing.py [--small]
 

@@ -32,7 +32,7 @@ TABLE = (
     ("pelican_arm2", "paper_ct", (0.4, 0.6)),
     ("quadrotor_roll_arm2", "centroidal_tip", (0.2, 0.3)),
 )
-"""Vehicle, law, arm of the table in docs/margins.md; the last flies servos on a
+"""Vehicle, law, arm of the table in docs/data/margins.md; the last flies servos on a
 battery."""
 
 

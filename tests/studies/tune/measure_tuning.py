@@ -1,4 +1,4 @@
-"""Measure what a tuning gains: the table *Measured* of docs/tuning.md.
+"""Measure what a tuning gains: the table of docs/data/tuning.md.
 
     python tests/studies/tune/measure_tuning.py [--small]
 

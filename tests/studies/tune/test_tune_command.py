@@ -190,14 +190,14 @@ def test_what_cannot_be_tuned_is_refused_in_one_line(tuned, words, said):
 
 
 def test_a_scenario_is_told_from_a_vehicle(tmp_path):
-    from skyarm.cli.tune_command import wanted_of
+    from skyarm.cli.tune_command import tuning_inputs
 
-    assert wanted_of("case3", None).words == {"preset": "paper_ct"}
-    assert wanted_of("hummingbird", None).label == "centroidal_joint"
-    assert wanted_of("pelican_arm2", "centroidal_tip").words == {
+    assert tuning_inputs("case3", None).law_table == {"preset": "paper_ct"}
+    assert tuning_inputs("hummingbird", None).label == "centroidal_joint"
+    assert tuning_inputs("pelican_arm2", "centroidal_tip").law_table == {
         "preset": "centroidal_tip"
     }
-    assert wanted_of("case3", "decoupled_pd_tuned").words == {
+    assert tuning_inputs("case3", "decoupled_pd_tuned").law_table == {
         "law": "decoupled_pd",
         "tuned": True,
     }
@@ -209,9 +209,9 @@ def test_a_scenario_is_told_from_a_vehicle(tmp_path):
             r" case3,"
         ),
     ):
-        wanted_of("humingbird", None)
+        tuning_inputs("humingbird", None)
     with pytest.raises(ValueError, match=r"^scenario = 'nothing.toml': no such file"):
-        wanted_of("nothing.toml", None)
+        tuning_inputs("nothing.toml", None)
 
 
 @pytest.mark.parametrize(("target", "own"), [("case3", 15.0), ("crazyflie_arm1", None)])

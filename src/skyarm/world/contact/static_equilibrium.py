@@ -200,7 +200,7 @@ def stand_vehicle(
 
     x = set_down(np.array([ABOVE, 0.0, 0.0]))
     equilibrium = _settle(residual, pushes, x)
-    if equilibrium is None:  # on a slope a level vehicle stands on its upper feet alone
+    if equilibrium is None:
         # on a slope a level vehicle stands on its upper feet alone
         x = set_down(np.array([ABOVE, *_slope(pushes(x), [UPRIGHT])]))
         equilibrium = _settle(residual, pushes, x)
@@ -408,7 +408,7 @@ def _set_down(
         )
     x = _descend(body, supports, x, index)
     equilibrium = _settle(supports.residual, supports.pushes, x)
-    if equilibrium is None:  # on a slope a level body stands on its upper edge alone
+    if equilibrium is None:
         # on a slope a level body stands on its upper edge alone
         rotation = body.frame(body.start()).rotation
         x = np.array(

@@ -241,7 +241,9 @@ class Team(VirtualMasses, Component[TeamMemory]):
     velocity_noise: Annotated[
         Scalar,
         nonnegative(
-            "m/s", "standard deviation of the body's measured velocity, each axis"
+            "m/s",
+            "standard deviation of the body's measured velocity, each axis, which swing"
+            " alone uses",
         ),
     ] = 0
     rate_noise: Annotated[

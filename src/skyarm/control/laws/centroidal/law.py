@@ -11,7 +11,7 @@ the centre of mass requires; 10. the attitude of this force; 11. joint accelerat
 the joints' references or of tip and links; 12. commands by the inverse dynamics of an
 underactuated base: the real thrust goes in, the base's acceleration comes out; 13.
 adaptation of lag, noise, load and friction. The numbers are those of
-``docs/centroidal_law_specification.md``.
+the files in ``equations``, one for each step.
 
 Sources: Lee, Leok, McClamroch 2010; Gao 2003; the parts cite their own.
 """
