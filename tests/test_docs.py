@@ -35,13 +35,9 @@ def blocks(name, language):
 
 
 def example():
-    """The complete example of the page on scenario files."""
-    (text,) = (
-        each
-        for each in blocks("scenario_files.md", "toml")
-        if 'name = "example"' in each
-    )
-    return text
+    """The complete example to which the page on scenario files links."""
+    assert "(../examples/files/every_table.toml)" in page("scenario_files.md")
+    return (DOCS.parent / "examples" / "files" / "every_table.toml").read_text("utf-8")
 
 
 def test_the_scenario_shown_loads_and_flies(tmp_path):
@@ -104,13 +100,12 @@ def test_the_parts_of_the_page_say_what_their_comments_say():
     """
     sine, change = (
         tomllib.loads(
-            next(
-                each
-                for each in blocks("scenario_files.md", "toml")
-                if each.startswith(head)
-            )
+            next(each for each in blocks(name, "toml") if each.startswith(head))
         )
-        for head in ("[[reference.joints]]", "[[changes]]")
+        for name, head in (
+            ("scenario_reference.md", "[[reference.joints]]"),
+            ("scenario_files.md", "[[changes]]"),
+        )
     )
     whole = tomllib.loads(example())
     first, second = sine["reference"]["joints"]
@@ -126,7 +121,9 @@ def test_the_parts_of_the_page_say_what_their_comments_say():
 
 
 def test_every_choice_is_on_the_page():
-    text = page("scenario_files.md")
+    text = "".join(
+        page(f"scenario_{name}.md") for name in ("files", "reference", "sensors")
+    )
     kinds = [*SHIPPED["motion"], *SHIPPED["signal"]]
     fields = [
         field.name
@@ -209,6 +206,27 @@ def test_the_scenario_that_a_page_writes_is_read_with_its_digest(tmp_path, monke
     assert identity(skyarm.load_scenario("out/heavier.toml")) == identity(
         names["heavier"]
     )
+
+
+def test_the_parts_of_a_scenario_shown_are_read():
+    """Tables of the pages on plant, world, sensors and reference, each in the
+    example.
+    """
+    whole = tomllib.loads(example())
+    for name in (
+        "scenario_plant.md",
+        "scenario_world.md",
+        "scenario_sensors.md",
+        "scenario_reference.md",
+    ):
+        (part, *_) = map(tomllib.loads, blocks(name, "toml"))
+        for table, value in part.items():
+            own = whole[table] if isinstance(value, dict) and table in whole else {}
+            if table == "controller":
+                own = {}
+            assert skyarm.scenario_from(
+                whole | {table: own | value if isinstance(value, dict) else value}
+            )
 
 
 @pytest.mark.parametrize("name", skyarm.__all__)

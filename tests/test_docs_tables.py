@@ -12,9 +12,10 @@ from typing import Any
 import pytest
 
 from skyarm.dynamics.actuators.servo import PositionServo, Servo, VelocityServo
+from skyarm.records.registry import find
 from skyarm.records.registry.shipped import SHIPPED
 from skyarm.scenario.endings import STATUSES
-from skyarm.sensing import navigation_sensors, sensor_kinds
+from skyarm.sensing import sensor_kinds
 from skyarm.sensing.channel import Channel, Dropouts
 from skyarm.sensing.estimate.filter_constants import FilterNumbers
 from skyarm.vehicle.battery import Battery
@@ -36,10 +37,15 @@ def named(cells: str) -> list[str]:
 @pytest.mark.parametrize(
     ("page", "head", "kinds", "left_out"),
     [
-        ("sensors.md", "| error | meaning | unit |", (Channel,), set[str]()),
         (
-            "sensors.md",
-            "| field | meaning | unit | default |",
+            "scenario_sensors.md",
+            "<!-- generated: record skyarm.sensing.channel:Channel -->",
+            (Channel,),
+            set[str](),
+        ),
+        (
+            "scenario_sensors.md",
+            "<!-- generated: words estimator ekf",
             (FilterNumbers,),
             {"vehicle"},
         ),
@@ -73,7 +79,11 @@ def test_a_table_lists_every_field(
 @pytest.mark.parametrize(
     ("page", "head", "kind"),
     [
-        ("sensors.md", "| field | meaning | unit | default |", FilterNumbers),
+        (
+            "scenario_sensors.md",
+            "<!-- generated: words estimator ekf",
+            FilterNumbers,
+        ),
         (
             "actuators.md",
             "<!-- generated: record skyarm.vehicle.battery:Battery -->",
@@ -107,27 +117,16 @@ def test_defaults_of_a_table_are_those_of_the_fields(
 
 
 def test_the_page_on_sensors_lists_kinds_and_dropouts() -> None:
-    rows = rows_of(
-        "sensors.md",
-        "| kind | channels | names in the log | fields of its own | frequency |",
-    )
-    assert {named(row[0])[0] for row in rows} == set(SHIPPED["sensor"]) - {"full_state"}
-    text = " ".join(each for row in rows for each in row)
+    rows = rows_of("scenario_sensors.md", "<!-- generated: sensors -->")
+    shipped = set(SHIPPED["sensor"]) - {"full_state"}
+    assert {named(row[0])[0] for row in rows} == shipped
     shared = set(fields_of(sensor_kinds.ChannelSensor))
-    own = (
-        sensor_kinds.Imu,
-        sensor_kinds.Pose,
-        sensor_kinds.Encoders,
-        sensor_kinds.TactileSwitch,
-    )
-    for kind in (
-        *own,
-        navigation_sensors.Gnss,
-        navigation_sensors.Magnetometer,
-        navigation_sensors.Barometer,
-    ):
-        assert set(fields_of(kind)) - shared <= set(named(text)), kind
-    page = (DOCS / "sensors.md").read_text("utf-8")
+    listed: dict[str, set[str]] = {}
+    for row in rows:
+        listed.setdefault(named(row[0])[0], set()).update(named(row[1]))
+    for name in shipped:
+        assert set(fields_of(find("sensor", name))) - shared <= listed[name], name
+    page = (DOCS / "scenario_sensors.md").read_text("utf-8")
     assert all(f"`{name}`" in page for name in (*shared, *fields_of(Dropouts)))
 
 
@@ -139,7 +138,7 @@ def test_the_columns_of_a_thrust_table_are_on_the_page() -> None:
 
 
 def test_every_ending_and_status_is_on_the_page() -> None:
-    rows = rows_of("scenario_files.md", "| ending | status | condition |\n|-|-|-|")
+    rows = rows_of("scenario_sensors.md", "| ending | status | condition |\n|-|-|-|")
     assert {name for row in rows for name in named(row[0])} == set(SHIPPED["ending"])
     assert {name for row in rows for name in named(row[1])} == set(STATUSES) - {
         "completed"

@@ -1,5 +1,5 @@
-"""The safety layer's limits by default, against docs/scenario_files.md and the vehicle
-by hand; and their ends.
+"""The safety layer's limits by default, against docs/scenario_reference.md and the
+vehicle by hand; and their ends.
 """
 
 from __future__ import annotations
@@ -31,9 +31,8 @@ joints."""
 KINDS = tuple(link.joint.kind for link in VEHICLE.links)
 PULL = {"stiffness": 5.0, "damping": 2.7}
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "scenario_files.md").read_text(
-    "utf-8"
-)
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+PAGE = (DOCS / "scenario_reference.md").read_text("utf-8")
 TABLE = "".join(
     re.findall(
         r"<!-- generated: words controller.safety [^\n]*-->\n(.*?)<!-- /generated -->",

@@ -200,15 +200,12 @@ def test_rotors_without_a_largest_speed_turn_as_others_do():
     )
 
 
-def test_the_vehicle_of_the_page_turns_its_rotors(tmp_path):
-    page = (
-        Path(__file__).resolve().parents[2] / "docs" / "vehicle_files.md"
-    ).read_text("utf-8")
-    section = page[page.index("## Rotors that tilt") :]
-    file = tmp_path / "tilting_quadrotor.toml"
-    file.write_text(
-        section.split('```toml title="tilting_quadrotor.toml"\n')[1].split("```")[0],
-        "utf-8",
+def test_the_vehicle_of_the_page_turns_its_rotors():
+    file = (
+        Path(__file__).resolve().parents[2]
+        / "examples"
+        / "files"
+        / "tilting_quadrotor.toml"
     )
     log = run(scenario(skyarm.load_vehicle(file), across(1.5, start=0.0), 1.0))
     assert log.status == "completed"

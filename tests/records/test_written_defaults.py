@@ -36,6 +36,7 @@ Tables = dict[str, Any]
 
 WORDS = "<!-- generated: words"
 RECORD = "<!-- generated: record skyarm"
+OF_SENSORS = "<!-- generated: sensors -->"
 MADE = ""
 """In place of a page: the head is that of a block, made afresh."""
 
@@ -144,50 +145,55 @@ SAFETY = f"{WORDS} controller.safety -"
 PAGES: list[tuple[str, str, str, Tables]] = [
     ("scenario_files", f"{WORDS} top", "", tables()),
     ("scenario_files", f"{WORDS} rates", "rates", tables()),
-    ("scenario_files", f"{WORDS} plant", "plant", tables()),
+    ("scenario_plant", f"{WORDS} plant", "plant", tables()),
     (
-        "scenario_files",
+        "scenario_plant",
         f"{WORDS} model",
         "model",
         tables(model={"vehicle": "hummingbird_arm2"}),
     ),
-    ("scenario_files", f"{WORDS} controller -->", "controller", tables()),
+    ("scenario_reference", f"{WORDS} controller -->", "controller", tables()),
     (
-        "scenario_files",
+        "scenario_world",
         f"{WORDS} environment =",
         "environment",
         tables(environment={"wind": {"mode": "force_wind"}}),
     ),
     (
-        "scenario_files",
+        "scenario_world",
         f"{WORDS} environment.faults loss",
         "environment.faults.0",
         tables(environment={"faults": [{"rotor": "left", "effectiveness": 0.5}]}),
     ),
-    ("scenario_files", f"{WORDS} sensors", "sensors", tables(sensors={"joints": 0.01})),
-    ("scenario_files", f"{WORDS} delays", "delays", tables()),
     (
-        "scenario_files",
+        "scenario_sensors",
+        f"{WORDS} sensors",
+        "sensors",
+        tables(sensors={"joints": 0.01}),
+    ),
+    ("scenario_sensors", f"{WORDS} delays", "delays", tables()),
+    (
+        "scenario_plant",
         f"{WORDS} initial",
         "initial",
         tables(initial={"position": [0.0, 0.0, 2.0]}),
     ),
-    ("scenario_files", f"{WORDS} reference +", "reference", tables()),
-    ("scenario_files", f"{SAFETY}joint_speed", "controller.safety", safe()),
+    ("scenario_reference", f"{WORDS} reference +", "reference", tables()),
+    ("scenario_reference", f"{SAFETY}joint_speed", "controller.safety", safe()),
     (
-        "scenario_files",
+        "scenario_reference",
         f"{SAFETY}tilt -climb -speed -step -step_speed -stiffness -damping -t",
         "controller.safety",
         safe(),
     ),
     (
-        "scenario_files",
+        "scenario_reference",
         f"{SAFETY}tilt -climb -speed -step -step_speed -stiffness -damping -j",
         "controller.safety",
         safe(),
     ),
     (
-        "scenario_files",
+        "scenario_world",
         f"{WORDS} environment.wind force_wind",
         "environment.wind",
         tables(
@@ -200,7 +206,7 @@ PAGES: list[tuple[str, str, str, Tables]] = [
         ),
     ),
     (
-        "scenario_files",
+        "scenario_world",
         f"{WORDS} environment.wind moving_air",
         "environment.wind",
         tables(
@@ -215,8 +221,8 @@ PAGES: list[tuple[str, str, str, Tables]] = [
     ),
     *(
         (
-            "laws",
-            f"<!-- generated: law {law} -",
+            MADE,
+            f"law {law}",
             "controller",
             tables(controller={"law": law}),
         )
@@ -224,8 +230,8 @@ PAGES: list[tuple[str, str, str, Tables]] = [
     ),
     *(
         (
-            "laws",
-            "<!-- generated: law centroidal -",
+            MADE,
+            "law centroidal",
             "controller",
             led_on(vehicle, **options),
         )
@@ -238,12 +244,12 @@ PAGES: list[tuple[str, str, str, Tables]] = [
         )
     ),
     (
-        "scenario_files",
+        "scenario_reference",
         f"{WORDS} controller -->",
         "controller",
         tables(controller={"preset": "centroidal_tip"}),
     ),
-    ("scenario_files", f"{WORDS} initial", "initial", standing()),
+    ("scenario_plant", f"{WORDS} initial", "initial", standing()),
     *(
         ("team_laws", f"{RECORD}.world.team.{law}:{kind} -", "team", team(law))
         for law, kind in (
@@ -267,19 +273,29 @@ PAGES: list[tuple[str, str, str, Tables]] = [
         "reference.base",
         moved(kind="waypoints", points=[[0, 0, 1], [1, 0, 1]]),
     ),
-    ("contact", "| `[world]` |", "world", world()),
-    ("contact", "| `[[world.surfaces]]` |", "world.surfaces.0", world()),
-    ("contact", "| `material` | unit", "world.surfaces.0.material", world()),
+    ("contact", f"{RECORD}.world.contact:Contact", "world", world()),
+    ("contact", f"{RECORD}.world.contact.surface:Surface", "world.surfaces.0", world()),
     (
         "contact",
-        "| `[[world.points]]` |",
+        f"{RECORD}.world.contact.material:Material",
+        "world.surfaces.0.material",
+        world(),
+    ),
+    (
+        "contact",
+        f"{RECORD}.world.contact.contact_point:ContactPoint",
         "world.points.0",
         world(points=[{"name": "p", "body": "base"}]),
     ),
-    ("contact", "| `[[world.objects]]` |", "world.objects.0", world(objects=[BOX])),
     (
         "contact",
-        "| `[[world.grippers]]` |",
+        f"{RECORD}.world.contact:FreeObject",
+        "world.objects.0",
+        world(objects=[BOX]),
+    ),
+    (
+        "contact",
+        f"{RECORD}.world.contact:Gripper",
         "world.grippers.0",
         world(objects=[BOX], grippers=[{"name": "magnet"}]),
     ),
@@ -300,26 +316,31 @@ PAGES: list[tuple[str, str, str, Tables]] = [
         world(mechanisms=[DOOR]),
     ),
     (
-        "disturbances_and_payloads",
-        "| `[[payloads]]` |",
+        "scenario_world",
+        f"{WORDS} payloads hanging",
         "payloads.0",
         tables(payloads=[{"mass": 0.1, "pick": 0.1}]),
     ),
     (
-        "disturbances_and_payloads",
-        "| `[[payloads]]` |",
+        "scenario_world",
+        f"{WORDS} payloads hanging",
         "payloads.0",
         tables(payloads=[{"mass": 0.1, "pick": 0.1, "kind": "hanging"}]),
     ),
     (
-        "sensors",
-        "| field | meaning | unit | default |",
+        "scenario_sensors",
+        f"{WORDS} estimator ekf",
         "estimator",
         tables(sensors=SENSORS, estimator={"kind": "ekf"}),
     ),
     *(
-        ("sensors", "| field of one kind |", f"sensors.{name}", tables(sensors=SENSORS))
-        for name in SENSORS
+        (
+            "scenario_sensors",
+            f"{OF_SENSORS}#{each['kind']}",
+            f"sensors.{name}",
+            tables(sensors=SENSORS),
+        )
+        for name, each in SENSORS.items()
     ),
     (
         "actuators",
@@ -387,7 +408,10 @@ def literal(cell: str, kind: str) -> Any:
 
 
 def defaults(page: str, head: str) -> Iterator[tuple[str, Any]]:
-    """Field and default of every row of a table that has a default to write."""
+    """Field and default of every row of a table that has a default to write; of one
+    kind, where the head of the table ends with its name.
+    """
+    head, _, kind = head.partition("#")
     if page == MADE:
         block = made(head)
     else:
@@ -396,7 +420,10 @@ def defaults(page: str, head: str) -> Iterator[tuple[str, Any]]:
     at = [
         cell.strip() for cell in block.splitlines()[0].strip("| ").split(" | ")
     ].index("default")
-    for row in cells_of(block):
+    rows = cells_of(block)
+    if kind:
+        rows, at = [row[1:] for row in rows if row[0] == f"`{kind}`"], at - 1
+    for row in rows:
         # "| `on`, `off` | ... | 0.5, 0.25 |"
         names, cells = re.findall(r"`([\w.]+)`", row[0]), row[at].split(", ")
         for name, cell in zip(
@@ -446,8 +473,8 @@ def changed(
     lines, alone = list[str](), list[tuple[str, Tables]]()
     for name, value in defaults(page, head):
         *inner, last = name.split(".")
-        if inner == ["governor"]:
-            continue  # has a page of its own
+        if inner in (["governor"], ["pick"], ["drop"]):
+            continue  # has a page of its own; a place in place of a time
         where, more = ".".join([path, *inner]), copy.deepcopy(document)
         if last not in entry(more, where):
             entry(more, where)[last] = value
@@ -578,7 +605,7 @@ SIGNALS: Mapping[str, Tables] = {
 @pytest.mark.parametrize("kind", SIGNALS)
 def test_a_written_default_of_a_signal_is_the_one_left_out(kind: str) -> None:
     rows = cells_of(
-        (DOCS / "scenario_files.md")
+        (DOCS / "scenario_reference.md")
         .read_text("utf-8")
         .split("<!-- generated: signals -->")[1]
     )
@@ -640,11 +667,11 @@ NOISY = tables(
 def test_a_noisy_flight_with_every_default_written_has_the_same_bits() -> None:
     more = copy.deepcopy(NOISY)
     for page, head, path in (
-        ("sensors", "| field | meaning | unit | default |", "estimator"),
-        ("sensors", "| field of one kind |", "sensors.encoders"),
-        ("scenario_files", f"{WORDS} environment.wind force_wind", "environment.wind"),
-        ("scenario_files", f"{WORDS} sensors", "sensors"),
-        ("scenario_files", f"{WORDS} delays", "delays"),
+        ("scenario_sensors", f"{WORDS} estimator ekf", "estimator"),
+        ("scenario_sensors", f"{OF_SENSORS}#encoders", "sensors.encoders"),
+        ("scenario_world", f"{WORDS} environment.wind force_wind", "environment.wind"),
+        ("scenario_sensors", f"{WORDS} sensors", "sensors"),
+        ("scenario_sensors", f"{WORDS} delays", "delays"),
         ("scenario_files", f"{WORDS} rates", "rates"),
     ):
         for name, value in defaults(page, head):

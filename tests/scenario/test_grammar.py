@@ -17,7 +17,10 @@ from skyarm.scenario.grammar import BY_HAND, SIGNAL, GrammarRow, grammar, withou
 from support.components import registry_kept
 
 ROWS = grammar()
-PAGE = (ROOT / "docs/scenario_files.md").read_text("utf-8")
+PAGE = "".join(
+    page.read_text("utf-8")
+    for page in (*(ROOT / "docs").glob("scenario_*.md"), ROOT / "docs/contact.md")
+)
 
 
 def row(path: str, of: str = "") -> GrammarRow:
@@ -214,7 +217,7 @@ def states_a_value(each):
 
 def test_links_of_the_page_are_words_in_a_terminal():
     linked = row("plant.integrator")
-    assert linked.meaning == "[integrator](#integrators) of the plant"
+    assert linked.meaning == "[integrator](scenario_plant.md#integrators) of the plant"
     assert without_links(linked).meaning == "integrator of the plant"
     assert all(
         "](" not in f"{each.meaning}{each.default}" for each in map(without_links, ROWS)
@@ -339,7 +342,7 @@ def test_parts_that_a_change_may_replace_are_marked():
     assert not whole & {"plant", "duration", "initial", "payloads[]"}
 
 
-def test_every_word_that_is_of_no_kind_is_on_the_page_of_scenario_files():
+def test_every_word_that_is_of_no_kind_is_on_a_page_of_scenario_files():
     paths = (each.path.replace("[]", "") for each in ROWS if not each.of)
     words = {
         part

@@ -1,4 +1,6 @@
-"""The vehicle of the page on vehicle files, as a document and written again."""
+"""The vehicle to which the page on vehicle files links, as a document and written
+again.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +8,9 @@ import tomllib
 from pathlib import Path
 
 DOCUMENT = tomllib.loads(
-    next(
-        block
-        for block in (
-            (Path(__file__).parents[2] / "docs" / "vehicle_files.md")
-            .read_text(encoding="utf-8")
-            .split('```toml title="example.toml"\n')
-        )
-        if 'name = "example"' in block
-    ).split("```")[0]
+    (
+        Path(__file__).parents[2] / "examples" / "files" / "quad_with_link.toml"
+    ).read_text("utf-8")
 )
 
 

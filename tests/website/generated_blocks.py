@@ -46,8 +46,6 @@ from skyarm.control.model import (
     Terms,
 )
 from skyarm.control.option_units import OptionText, option_texts
-from skyarm.log.flight_log import IF_ANY, Log
-from skyarm.log.log_columns import COLUMNS
 from skyarm.log.metrics.accumulate import CONTINUOUS
 from skyarm.log.metrics.metric_catalogue import (
     FREE,
@@ -75,13 +73,19 @@ from skyarm.scenario.grammar import (
     entry_in_words,
     grammar,
 )
-from skyarm.studies.compare.envelope_axes import AXES
-from skyarm.studies.compare.survive_trials import TRIALS as SURVIVED
+from skyarm.sensing.channel import Channel, ChannelSensor
 from skyarm.vehicle.attach import Mimic
 from skyarm.vehicle.linkage import Body, Joint
 from skyarm.vehicle.tilt import Tilt
 from skyarm.vehicle.vehicle_records import BodyDrag, Rotor
 from support.check_list import CHECKS
+from website.listed_parts import (
+    arrays_of_log,
+    flown_trials,
+    menu_lines,
+    parts_of_environments,
+    trials_of_suite,
+)
 from website.python_names import (
     arguments_of,
     classes_of,
@@ -106,7 +110,11 @@ Rows = Iterable[Sequence[str]]
 def table(heads: Sequence[str], rows: Rows) -> str:
     """Markdown table without the columns in which no row has anything."""
     cells = [[cell.replace("|", "\\|").strip() for cell in row] for row in rows]
-    kept = [i for i in range(len(heads)) if i == 0 or any(row[i] for row in cells)]
+    kept = [
+        i
+        for i in range(len(heads))
+        if i == 0 or any(row[i] not in ("", "-") for row in cells)
+    ]
     lines = ["| " + " | ".join(heads[i] for i in kept) + " |", "|" + "-|" * len(kept)]
     lines += ["| " + " | ".join(row[i] or "-" for i in kept) + " |" for row in cells]
     return "\n".join(lines) + "\n"
@@ -484,6 +492,51 @@ def hand_rows(
     ]
 
 
+def task_block(*kinds: str) -> str:
+    """Keys of motions, studies or suites that functions read; of several kinds one
+    after the other with their name.
+    """
+    chosen = [each for kind in kinds for each in word_texts.TASKS if each.kind == kind]
+    assert {each.kind for each in chosen} == {*kinds}, f"no keys of {kinds}"
+    rows = hand_rows(chosen, kinds=len(kinds) > 1)
+    if len(kinds) > 1:
+        return table(("kind", *FIELD_HEADS), rows)
+    return table(FIELD_HEADS, required_first(rows))
+
+
+def sensors_block() -> str:
+    """Fields that a kind of sensor has beside those of every sensor, with its channels
+    and their errors.
+    """
+    rows: list[Sequence[str]] = []
+    shared = declared_fields(ChannelSensor)
+    for name in names("sensor"):
+        kind = find("sensor", name)
+        if not issubclass(kind, ChannelSensor):
+            continue
+        usual = defaults(kind)
+        for field, (annotation, _) in declared_fields(kind).items():
+            if field in shared and usual[field] == defaults(ChannelSensor)[field]:
+                continue
+            row = field_row(kind, field)
+            if annotation is Channel:
+                row = _channel_row(row, usual[field])
+            rows.append((f"`{name}`", *row))
+    return table(("kind", *FIELD_HEADS), rows)
+
+
+def _channel_row(row: Sequence[str], usual: Channel) -> Sequence[str]:
+    """Row of a channel: its errors by default, where no text says them."""
+    stated = [
+        f"`{each}` {getattr(usual, each):g}"
+        for each in declared_fields(Channel)
+        if isinstance(getattr(usual, each), float) and getattr(usual, each)
+    ]
+    meaning = row[4] or "errors of this channel"
+    told = row[2] if row[2] not in ("", "-", "none") else ""
+    return (row[0], "errors", told or ", ".join(stated) or "none", "", meaning, "")
+
+
 def phases_block() -> str:
     """Keys of the phases of a task, those of every phase first."""
     words = {"`every`": "every", "`contact`": "in contact"}
@@ -558,6 +611,17 @@ def vehicle_block(part: str) -> str:
             rows.append((*row[:2], "unchanged" if unchanged else row[2], *row[3:]))
     assert rows, f"no table {part}"
     return table(FIELD_HEADS, required_first(rows))
+
+
+def imports_block(*forms: str) -> str:
+    """What is read from files of other formats, form after form."""
+    rows = [row for row in word_texts.IMPORTS if set(row[0].split(", ")) & {*forms}]
+    assert rows, f"nothing is read from {forms}"
+    several = len(forms) > 1
+    return table(
+        (*(("form",) if several else ()), "in the file", "read as"),
+        [row if several else row[1:] for row in rows],
+    )
 
 
 def kinds_block(kind: str) -> str:
@@ -635,71 +699,6 @@ def metrics_block(group: str) -> str:
             )
         )
     return table(("metric", "unit", "window", "meaning"), rows)
-
-
-SHAPES = {
-    "joints": "N, joints",
-    "rotors": "N, rotors",
-    "tilting": "N, tilting rotors",
-    "loops": "N, 2",
-}
-SCALARS = (
-    "time",
-    "yaw_held",
-    "yaw_reference",
-    "path_time",
-    "phase",
-    "load_mass_found",
-    "push_deviation",
-)
-NAMES = {
-    "joints": "_JOINT",
-    "rotors": "_ROTOR",
-    "tilting": "_ROTOR",
-    "loops": "_rotors, _joints",
-}
-
-
-def shape_of(array: str) -> str:
-    """Shape of an array of a log in words, N its instants."""
-    group = COLUMNS.get(array, ("", ""))[1]
-    return (
-        SHAPES[group]
-        if group
-        else "N"
-        if array in SCALARS
-        else "N, 4"
-        if array == "quaternion"
-        else "N, 3"
-    )
-
-
-def columns_of(array: str) -> str:
-    """Names of the columns of an array in CSV and MCAP files."""
-    begin, group = COLUMNS.get(array, (array, ""))
-    if group:
-        return ", ".join(f"`{begin}{end}`" for end in NAMES[group].split(", "))
-    axes = {"N": ("",), "N, 3": ("_x", "_y", "_z"), "N, 4": ("_w", "_x", "_y", "_z")}[
-        shape_of(array)
-    ]
-    return ", ".join(f"`{begin}{axis}`" for axis in axes)
-
-
-def log_block(part: str) -> str:
-    """Arrays of a log: those of every flight, or those that only some flights have."""
-    listed = [name for name in units(Log) if (name in IF_ANY) == (part == "optional")]
-    assert part in ("arrays", "optional")
-    rows = [
-        (
-            f"`{n}`",
-            shape_of(n),
-            units(Log)[n].unit,
-            units(Log)[n].meaning,
-            columns_of(n),
-        )
-        for n in listed
-    ]
-    return table(("array", "shape", "unit", "meaning", "columns in CSV and MCAP"), rows)
 
 
 def command_block(*words: str) -> str:
@@ -839,40 +838,10 @@ def equations_block(group: str) -> str:
     return table(("quantity", "equation", "source", "function"), rows)
 
 
-def trials_block(suite: str) -> str:
-    """Trials of the envelope or of the survive suite, with their values as the tables
-    of results show them.
-    """
-    head = {"envelope": "axis", "survive": "condition"}[suite]
-    rows = []
-    for name, trial in (AXES if suite == "envelope" else SURVIVED).items():
-        scale = getattr(trial, "shown", 1.0)
-        values = ", ".join(f"{value * scale:g}" for value in trial.values)
-        noisy = "yes" if trial.noisy else "no"
-        unit = trial.unit.removesuffix(" late")
-        rows.append((f"`{name}`", trial.title, values, unit, noisy))
-    return table((head, "flown", "values", "unit", "noisy"), rows)
-
-
 def menu_block() -> str:
     """Menu of the site as a list, for readers of the pages as they lie."""
     menu = yaml.safe_load((DOCS.parent / "mkdocs.yml").read_text("utf-8"))["nav"]
-    return "\n".join(["", *_menu_lines(menu[1:], ""), ""]) + "\n"
-
-
-def _menu_lines(entries: list[Any], indent: str) -> list[str]:
-    """Lines of a nested list of a menu's entries that are pages of this folder."""
-    lines: list[str] = []
-    for entry in entries:
-        name, inside = (
-            next(iter(entry.items())) if isinstance(entry, dict) else ("", entry)
-        )
-        if not isinstance(inside, str):
-            below = _menu_lines(inside, f"{indent}  ")
-            lines += [f"{indent}* {name}", *below] if below else []
-        elif (DOCS / inside).is_file():
-            lines.append(f"{indent}* [{name or 'Overview'}]({inside})")
-    return lines
+    return "\n".join(["", *menu_lines(menu[1:], "", DOCS), ""]) + "\n"
 
 
 KINDS: dict[str, Callable[..., str]] = {
@@ -882,15 +851,20 @@ KINDS: dict[str, Callable[..., str]] = {
     "laws": laws_block,
     "record": record_block,
     "words": words_block,
+    "task": task_block,
+    "sensors": sensors_block,
+    "parts": lambda of: table(*parts_of_environments(of)),
     "signals": lambda: kinds_of_keys("signal", "SIGNAL"),
     "motions": lambda: kinds_of_keys("motion", "reference.base"),
     "phases": phases_block,
     "guard": guard_block,
     "vehicle": vehicle_block,
+    "imports": imports_block,
+    "suite": lambda name: table(*trials_of_suite(name)),
     "kinds": kinds_block,
     "presets": presets_block,
     "metrics": metrics_block,
-    "log": log_block,
+    "log": lambda part: table(*arrays_of_log(part)),
     "commands": commands_block,
     "common": common_block,
     "command": command_block,
@@ -900,7 +874,7 @@ KINDS: dict[str, Callable[..., str]] = {
     "checks": checks_block,
     "equations": equations_block,
     "menu": menu_block,
-    "trials": trials_block,
+    "trials": lambda suite: table(*flown_trials(suite)),
 }
 """Kind of a block -> function of its words that returns the table."""
 

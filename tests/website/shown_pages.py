@@ -20,19 +20,11 @@ SECONDS = 0.5
 """Length of a flight whose numbers the page does not show."""
 
 
-def whole_example(name: str) -> str:
-    """The complete example of a reference page."""
-    (found,) = (
-        block.text for block in blocks(PAGES[name]) if 'name = "example"' in block.text
-    )
-    return found
-
-
 def prepared(name: str) -> dict[str, str]:
     """Files that a page takes for granted."""
     vehicle, flight = (
-        whole_example("vehicle_files.md"),
-        whole_example("scenario_files.md"),
+        (ROOT / "examples" / "files" / f"{each}.toml").read_text("utf-8")
+        for each in ("quad_with_link", "every_table")
     )
     files = {
         "my/vehicle.toml": vehicle,

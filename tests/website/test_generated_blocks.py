@@ -34,6 +34,13 @@ def test_blocks_are_on_the_pages_of_the_reference() -> None:
     names = {page.name for page in pages()}
     assert {
         "scenario_files.md",
+        "scenario_plant.md",
+        "scenario_reference.md",
+        "scenario_world.md",
+        "scenario_sensors.md",
+        "contact.md",
+        "study_files.md",
+        "environment_reference.md",
         "vehicle_files.md",
         "actuators.md",
         "command_line.md",

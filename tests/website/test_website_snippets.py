@@ -38,7 +38,6 @@ ELSEWHERE: dict[str, tuple[str, ...]] = {
         "tests/test_docs_extending.py::test_the_sessions_shown_run",
         "tests/test_docs_extending.py::test_the_law_shown_by_itself_is_compiled_and_a_thousand_times_faster",
     ),
-    "vehicle_files.md": ("tests/vehicle/test_vehicle_bodies.py",),
 }
 """Page with indented commands, other languages or numbers of its own -> their tests;
 its fences run here, too."""
@@ -68,6 +67,10 @@ TABLES = {
     ("sensors.md", "toml"): "tests/sensing/test_force_sensors.py",
     ("tip_and_tasks.md", "toml"): "tests/test_docs_of_tasks.py",
     ("scenario_files.md", "toml"): "tests/test_docs.py",
+    ("scenario_plant.md", "toml"): "tests/test_docs.py",
+    ("scenario_reference.md", "toml"): "tests/test_docs.py",
+    ("scenario_sensors.md", "toml"): "tests/test_docs.py",
+    ("scenario_world.md", "toml"): "tests/test_docs.py",
     ("tuning.md", "toml"): "tests/studies/tune/test_files_of_gains_shown.py",
     ("sweeps.md", "toml"): "tests/test_docs_pictures.py",
     ("your_vehicle.md", "toml"): "tests/cli/test_mounted_arm.py",

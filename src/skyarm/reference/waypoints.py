@@ -29,6 +29,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 from itertools import accumulate, pairwise
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
@@ -36,6 +37,8 @@ from skyarm.records.arrays import Array, doubles, stack_values
 from skyarm.records.files import Fields, number, require_file, shown, three_numbers
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
+from skyarm.records.units import Unit
+from skyarm.records.units import positive as positive_unit
 from skyarm.reference.signals import Signal
 from skyarm.reference.splines import minimum_snap, snap_cost, snap_pieces, span_powers
 from skyarm.reference.task_records import Setting
@@ -62,17 +65,25 @@ class FlightLimits:
     motion.
 
     Attributes:
-        speed: m/s. acceleration: m/s^2. tilt: rad. rate: rad/s, of roll and pitch.
-            spin: rad/s^2, of roll and pitch.
         thrust: largest over the weight.
     """
 
-    speed: float = 1.0
-    acceleration: float = 1.0
-    tilt: float = 0.35
-    rate: float = 1.0
-    spin: float = 5.0
-    thrust: float = 1.5
+    speed: Annotated[float, positive_unit("m/s", "largest speed of a motion")] = 1.0
+    acceleration: Annotated[
+        float, positive_unit("m/s^2", "largest acceleration of a motion")
+    ] = 1.0
+    tilt: Annotated[float, positive_unit("rad", "largest tilt of the base")] = 0.35
+    rate: Annotated[
+        float, positive_unit("rad/s", "largest rate of roll and of pitch")
+    ] = 1.0
+    spin: Annotated[
+        float,
+        positive_unit("rad/s^2", "largest angular acceleration of roll and of pitch"),
+    ] = 5.0
+    thrust: Annotated[
+        float,
+        Unit("", "largest thrust over the weight; at most 0.9 of what the rotors have"),
+    ] = 1.5
 
     def within(self, limits: FlightLimits) -> bool:
         """True if no peak value exceeds the corresponding flight limit."""

@@ -98,6 +98,14 @@ def _by_hand(table: str) -> tuple[HandWord, ...]:
 SIGNALS, MOTIONS = _by_hand("signals"), _by_hand("motions")
 """Keys of the signals, and of the motions but for tasks, that are read by hand."""
 
+TASKS = _by_hand("tasks")
+"""Keys of motions, of studies, suites and other tables that functions read, by kind."""
+
+IMPORTS: tuple[tuple[str, str, str], ...] = tuple(
+    (each["form"], each["found"], each["read"]) for each in _TABLES["imports"]
+)
+"""Format of a file, what stands there, and how a vehicle has it."""
+
 PHASES, GUARDS = _by_hand("phases"), _by_hand("until")
 """Keys of the phases of a task by the kinds that have them, and of ``until`` by what
 they are: conditions or others."""

@@ -138,7 +138,8 @@ class Battery:
         ),
     ] = 1.0
     standing_power: Annotated[
-        Scalar, nonnegative("W", "power of all consumers except the rotors")
+        Scalar,
+        nonnegative("W", "power of all consumers except the rotors, such as servos"),
     ] = 0.0
     efficiency: Annotated[
         Scalar,

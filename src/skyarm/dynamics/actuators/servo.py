@@ -105,19 +105,24 @@ class Servo(Drive):
         Scalar,
         nonnegative(
             "",
-            "efficiency of the gear",
+            "efficiency of the gear: stall torque / (stall current * gear *"
+            " torque_constant)",
             high=1.0,
             effect="lower values leave less torque at the joint",
         ),
     ] = 1.0
     torque_constant: Annotated[
-        Scalar, positive("N m/A", "torque constant of the motor")
+        Scalar,
+        positive(
+            "N m/A",
+            "torque constant of the motor: voltage / (no-load speed * gear)",
+        ),
     ] = 1.0
     resistance: Annotated[
         Scalar,
         positive(
             "ohm",
-            "resistance of the motor's winding",
+            "resistance of the motor's winding: voltage / stall current",
             effect="higher values lower the stall torque",
         ),
     ] = 1.0
@@ -401,7 +406,8 @@ class PositionServo(Servo):
         Scalar,
         positive(
             "N m/rad or N/m",
-            "torque per position error of the joint",
+            "torque per position error of the joint; of a loop on voltage its gain"
+            " (V/rad) * stall torque / voltage",
             effect=(
                 "higher values hold the joint more tightly and oscillate sooner with"
                 " latency"
@@ -412,7 +418,8 @@ class PositionServo(Servo):
         Scalar,
         nonnegative(
             "N m s/rad or N s/m",
-            "torque per measured rate of the joint",
+            "torque per measured rate of the joint; of a loop on voltage its gain"
+            " (V s/rad) * stall torque / voltage + stall torque / no-load speed",
             effect="higher values damp the joint more and make it slower",
         ),
     ] = 0.0

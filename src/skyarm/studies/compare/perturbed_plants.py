@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from typing import Annotated
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from skyarm.algebra.scalars.philox import uniforms
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
+from skyarm.records.units import Unit
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle import Vehicle
@@ -36,26 +38,38 @@ flight's noise."""
 class Spread:
     """Bounds of the model mismatch from which perturbed plants are drawn uniformly.
 
-    Attributes:
-        mass: share of each body's mass. com: m, each axis of each body. inertia: share
-            of each body's inertia tensor and mass moments, one factor a body, so that
-            the tensor stays one of a body.
-        thrust: lowest and highest share of the thrust coefficient, one factor for all
-            rotors (supply, air density).
-        damping: damping of every joint, N m s/rad. payload: point mass at the tip, kg.
-        wind: force on the base, N, direction uniform on the sphere; it blows in place
-            of the case's own mean force, whose air speed and gust stay.
-        delay: delay of the commands, s.
+    Each number is drawn on its own, evenly within its range; the thrust, the damping
+    and the delay are one number of a plant, masses and inertias one of a body.
     """
 
-    mass: float = 0.2
-    com: float = 0.01
-    inertia: float = 0.3
-    thrust: tuple[float, float] = (-0.10, 0.05)
-    damping: float = 0.02
-    payload: float = 0.1
-    wind: float = 3.0
-    delay: float = 0.010
+    mass: Annotated[
+        float, Unit("", "relative change of each body's mass, up or down")
+    ] = 0.2
+    com: Annotated[
+        float, Unit("m", "shift of each body's centre of mass along each axis")
+    ] = 0.01
+    inertia: Annotated[
+        float, Unit("", "relative change of each body's inertia, up or down")
+    ] = 0.3
+    thrust: Annotated[
+        tuple[float, float],
+        Unit("", "least and largest relative change of all rotors' thrust"),
+    ] = (-0.10, 0.05)
+    damping: Annotated[
+        float, Unit("N m s/rad", "largest damping of the joints, from 0 on")
+    ] = 0.02
+    payload: Annotated[
+        float, Unit("kg", "largest point mass at the tip, from 0 on")
+    ] = 0.1
+    wind: Annotated[
+        float,
+        Unit(
+            "N", "largest force on the base, from any direction, in place of the mean"
+        ),
+    ] = 3.0
+    delay: Annotated[
+        float, Unit("s", "largest delay of the commands, unknown to the laws")
+    ] = 0.010
 
 
 def draw(
