@@ -240,7 +240,7 @@ def example_page(path: Path) -> str:
     words, code = _words_and_code(path)
     first, _, rest = words.partition("\n")
     said = f"{first.rstrip('.')}.\n\n{rest.strip()}".strip()
-    flies = "__main__" in code or not PARTS.search(code)
+    flies = "__main__" in code or not REGISTERS.search(code)
     command = f"```sh\npython examples/{path.name}\n```\n\n" if flies else ""
     return f"# {path.name}\n\n{said}\n\n{command}```python\n{code}\n```\n"
 
@@ -251,13 +251,13 @@ def _words_and_code(path: Path) -> tuple[str, str]:
     return words.strip(), code.strip()
 
 
-PARTS = re.compile(r"skyarm\.register\.|-> skyarm\.Controller")
+REGISTERS = re.compile(r"skyarm\.register\.|-> skyarm\.Controller")
 """Code of an example that adds a part to the library."""
 
 
 def examples_index(paths: list[Path]) -> str:
     """The page that lists the examples by what their first lines say."""
-    parts = [path for path in paths if PARTS.search(path.read_text("utf-8"))]
+    parts = [path for path in paths if REGISTERS.search(path.read_text("utf-8"))]
     others = [path for path in paths if path not in parts]
     return (
         "# Recipes and examples\n\nEach is one commented file in the folder `examples`"

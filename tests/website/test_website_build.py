@@ -45,10 +45,6 @@ FORMULAS = sorted(
 )
 
 
-ROOM = {"studio.md", "pictures.md", "logs.md", "command_line.md"}
-"""Pages for which the menu keeps a place: an entry without its page is left out."""
-
-
 def named(menu: Any) -> list[str]:
     """Pages of a menu."""
     if isinstance(menu, str):
@@ -74,7 +70,7 @@ def test_the_menu_names_every_page_once_and_no_other() -> None:
         "examples/index.md",
         "api/index.md",
     }
-    assert set(menu) - made - ROOM <= here
+    assert set(menu) - made <= here
     # data pages are linked from the page whose numbers they hold
     assert {name for name in here if not name.startswith("data/")} <= set(menu)
     assert made <= set(menu)
@@ -357,7 +353,7 @@ def test_the_site_that_was_built_is_whole() -> None:
         pytest.skip("no site here: 'make docs' builds it first")
     read_page.cache_clear()
     assert list(broken(SITE)) == []
-    for page in set(named(CONFIG["nav"])) - ROOM:
+    for page in set(named(CONFIG["nav"])):
         assert (SITE / page.replace(".md", ".html")).is_file(), page
     maths = (SITE / "mathematics.html").read_text("utf-8")
     assert maths.count("<math") > 50
@@ -395,7 +391,7 @@ def test_pages_are_laid_out(tmp_path: Path) -> None:
     notebooks = {
         f"notebooks/{path.stem}.md" for path in (DOCS / "notebooks").glob("*.py")
     }
-    assert set(named(CONFIG["nav"])) - notebooks - ROOM <= set(names)
+    assert set(named(CONFIG["nav"])) - notebooks <= set(names)
     assert (tmp_path / "pages" / "site.css").is_file()
     assert PAGES.is_relative_to(ROOT / "out"), "what is built is not committed"
     shutil.rmtree(tmp_path / "pages")
