@@ -1,4 +1,4 @@
-"""Measure several vehicles that hold one body: the tables of docs/data/results_teams.md.
+"""Measure vehicles that hold one body: the tables of docs/data/results_teams.md.
 
     python tests/world/contact/measure_teams.py shares|loads|plants|sizes [--small]
 
