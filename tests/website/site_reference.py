@@ -5,10 +5,17 @@ builder from docstrings.
 from __future__ import annotations
 
 import inspect
+import re
+from pathlib import Path
 
 from api_examples import shown_example
 
 import skyarm
+from skyarm.log.metrics.metric_catalogue import GROUPS, measures
+from skyarm.records.registry.registrations import KINDS, registrations
+
+ROOT = Path(__file__).resolve().parents[2]
+LIBRARY = ROOT / "src" / "skyarm"
 
 ROOMS = {
     "vehicle": "Vehicles",
@@ -91,5 +98,28 @@ def reference_pages() -> dict[str, str]:
                 "" if of_room else shown_example(path.rpartition(".")[2]),
             ]
         pages[f"api/{room}.md"] = "\n\n".join(part for part in parts if part) + "\n"
+    listed.append("* [Every name in a file](names.md): kinds, metrics, files that ship")
     pages["api/index.md"] = "\n".join(listed) + "\n"
+    pages["api/names.md"] = names_page()
     return pages
+
+
+def names_page() -> str:
+    """Markdown of the page that lists what a file or a command may name."""
+    groups = {f"`{kind}`": tuple(registrations(kind)) for kind in sorted(KINDS)}
+    groups |= {
+        "metric of an arm of two joints, or group": (*measures(2), *GROUPS),
+        "file that ships": tuple(
+            sorted({path.stem for path in LIBRARY.rglob("*.toml")})
+        ),
+        "target of `make`": tuple(
+            re.findall(r"^(\w[\w-]*):", (ROOT / "Makefile").read_text("utf-8"), re.M)
+        ),
+    }
+    rows = [
+        f"| {what} | {', '.join(f'`{name}`' for name in names)} |"
+        for what, names in groups.items()
+    ]
+    return "\n".join(
+        ["# Every name in a file", "", "| what | names |", "|-|-|", *rows, ""]
+    )
