@@ -87,8 +87,9 @@ class State:
         return float(euler_angles(self.rotation)[ANGLES.index(name)])
 
     def with_views(self, values: Mapping[str, Scalar]) -> State:
-        """State with roll, pitch or yaw (rad) replaced, by name; other angles stay."""
-        # the other angles are read from the state, so that they stay
+        """State with roll, pitch or yaw (rad) replaced, by name; the other angles are
+        those read from the state, which reads a pitch within 90 degrees alone.
+        """
         usual = dict(zip(ANGLES, euler_angles(self.rotation), strict=True))
         half = [
             (cos(0.5 * angle), sin(0.5 * angle))

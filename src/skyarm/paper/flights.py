@@ -139,7 +139,7 @@ def metrics(case: str, log: Log, holds: tuple[Window, ...] = HOLDS) -> Metrics:
         for suffix in ("", CONTINUOUS)
     }
     every = chain.from_iterable(each.values() for each in twins.values())
-    # a settling time has no window: it is computed by itself below
+    # a settling time is counted over the whole flight: it is computed by itself below
     names = dict.fromkeys(m for m in every if not m.startswith("settling_time"))
     windows = Windows(
         steady=WINDOWS[case], transient=TRANSIENT, gust=GUST, hover=HOVER, holds=holds
@@ -155,7 +155,7 @@ def metrics(case: str, log: Log, holds: tuple[Window, ...] = HOLDS) -> Metrics:
         for suffix, each in twins.items()
         for name, metric in each.items()
     }
-    # an early end cuts the windows, whose means would not compare
+    # means over cut windows would not compare with those of whole flights
     whole = log.status == "completed"
     return {
         name: value if whole and math.isfinite(value) else None
@@ -164,9 +164,7 @@ def metrics(case: str, log: Log, holds: tuple[Window, ...] = HOLDS) -> Metrics:
 
 
 def _metrics_by_name(case: str, joints: int) -> dict[str, str]:
-    """Metrics of a case: name in the published table -> name in skyarm, in the table's
-    order.
-    """
+    """Metrics of a case: name in the published table -> name in skyarm."""
     efforts = (f"tau{i + 1}_rms" for i in range(joints))
     always = {
         name: name for name in ("pitch_rms", "roll_rms", *efforts, "hover_offset")

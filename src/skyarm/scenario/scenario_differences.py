@@ -45,7 +45,9 @@ def scenario_differences(a: object, b: object) -> dict[str, tuple[Plain, Plain]]
 
 
 def _leaves(data: Plain, names: FieldPath) -> Iterator[tuple[FieldPath, Plain]]:
-    """Field path and value of each number, text or flag in a scenario's plain data."""
+    """Field path and value of each number, text, flag, null and empty table or list in
+    a scenario's plain data, but what is written for people alone.
+    """
     inner: Iterable[tuple[object, Plain]] = ()
     if isinstance(data, Mapping):
         inner = data.items()

@@ -127,12 +127,9 @@ class LeaderFollower(Sharing):
                 bend = divide(pushed, self.virtual_mass)
                 # at the bound the tip rests
                 free = absolute(body.offset + (body.rate + bend * dt) * dt) < FARTHEST
-                # both by the bend of before: as two statements the rate would take the
-                # new one
-                bend, rate = (
-                    where(free, bend, 0.0),
-                    where(free, body.rate + bend * dt, 0.0),
-                )
+                # where it is free the bend is unchanged: the rate may take the new one
+                bend = where(free, bend, 0.0)
+                rate = where(free, body.rate + bend * dt, 0.0)
                 moved = Yielding(
                     offset=data(clip(body.offset + rate * dt, -FARTHEST, FARTHEST)),
                     rate=data(rate),

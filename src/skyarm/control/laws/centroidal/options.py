@@ -150,6 +150,7 @@ def preview_of(
     """
     preview = gains["preview"]
     least = late / SHARES[0]
+    # in joint mode no tip is foreseen
     if mode != "tip" or not preview:
         return None
     # equal but for rounding is enough
@@ -158,8 +159,8 @@ def preview_of(
             refuse(
                 "preview",
                 preview,
-                f"0, or {1.0 / SHARES[0]:g} periods of the reference at least,"
-                f" {least:g} s",
+                f"0, or at least {least:g} s, {1.0 / SHARES[0]:g} times the reference's"
+                " period and the delay of commands",
             )
         # a preview longer than the option allows is not made up: the law flies without
         # one
