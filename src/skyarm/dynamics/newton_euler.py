@@ -2,6 +2,12 @@
 
 Source: Luh, Walker, Paul 1980; Featherstone 2008, section 5.3, with classical
 accelerations at link origins.
+
+What passes from link to link is the *proper acceleration* of its origin in base axes,
+the second derivative of the position minus gravity. The spatial accelerations of
+textbooks bring the attitude and the velocities of base and links into the formulas;
+these do not, so they take fewer operations. The cost: tests must compare them with
+another library, since no textbook has them in this form.
 """
 
 from __future__ import annotations
