@@ -1014,7 +1014,7 @@ def test_the_tables_of_the_page_are_those_of_the_shipped_scenario() -> None:
     assert [shown[name] for name in ("team", "agents")] == [
         shipped[name] for name in ("team", "agents")
     ]
-    assert shown["world"]["grasps"] == shipped["world"]["grasps"]
+    assert shown["world"]["grasps"] == shipped["world"]["grasps"][:1]
     assert shown["reference"]["tip"] == shipped["reference"]["tip"]
     pairs = zip(
         shown["reference"]["object"]["phases"],
