@@ -181,7 +181,7 @@ Laws = Annotated[
     typer.Option(
         "--laws",
         metavar="LAW,...",
-        help="laws instead of the file's: presets, laws, gains (.toml), FILE.py:make",
+        help="laws to fly: own, presets, laws, gains (.toml), FILE.py:make",
         autocompletion=name_completion("controller"),
     ),
 ]
@@ -191,7 +191,7 @@ Law = Annotated[
     typer.Option(
         "--laws",
         metavar="LAW",
-        help="one law: a preset, law, gains (.toml), FILE.py:make",
+        help="one law: own, a preset, law, gains (.toml), FILE.py:make",
         autocompletion=name_completion("controller"),
     ),
 ]
@@ -278,16 +278,17 @@ def law_names(laws: Sequence[str] | None) -> list[str]:
     Raises:
         ValueError: one line: a name of no law, or no such file of gains.
     """
-    from skyarm.control.catalogue import is_named, must_be_named
+    from skyarm.control.catalogue import OWN, is_named, must_be_named
     from skyarm.scenario.controller_table import is_gains_file
 
     named = names_of("--laws", laws)
     for name in named:
         if is_gains_file(name):
             require_file(name, f"--laws = {shown(name)}")
-        elif not is_named(name):
+        elif name != OWN and not is_named(name):
             raise ValueError(
-                f"--laws = {shown(name)}: {must_be_named(name)}; or a .toml file"
+                f"--laws = {shown(name)}: {must_be_named(name)}; a .toml file, or"
+                f" {OWN!r}, the law of the scenario with its options"
             )
     return named
 
