@@ -325,6 +325,38 @@ def chosen_names(
     return tuple(name for name in there if name in names)
 
 
+def labelled(name: str) -> tuple[str, str]:
+    """Label and file of a flight given as NAME=FILE; the label is empty for a file
+    alone.
+    """
+    label, equals, path = name.partition("=")
+    # a file that has an equals sign in its name is a file
+    return (label.strip(), path) if equals and not Path(name).exists() else ("", name)
+
+
+def distinct_labels(
+    names: Sequence[str], given: Sequence[str], usual: Sequence[str]
+) -> list[str]:
+    """Labels of flights: the given ones, and the usual ones where these are empty.
+
+    Args:
+        names: words of the command line, for the message.
+        given: labels of these words.
+        usual: labels that flights get by themselves.
+
+    Raises:
+        ValueError: one line: a label that a flight before it has.
+    """
+    labels = [label or other for label, other in zip(given, usual, strict=True)]
+    for i, label in enumerate(labels):
+        if label in labels[:i]:
+            raise ValueError(
+                f"flight = {shown(names[i])}: must have another name than a flight"
+                " before it"
+            )
+    return labels
+
+
 def require_not_another(name: str, expected: str) -> None:
     """Raise an error if a name denotes another kind of input than expected, such as a
     vehicle for a scenario.

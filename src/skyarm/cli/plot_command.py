@@ -8,7 +8,12 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.arguments import out_option, word_completion
+from skyarm.cli.arguments import (
+    distinct_labels,
+    labelled,
+    out_option,
+    word_completion,
+)
 from skyarm.cli.output import give, tell
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log
@@ -111,22 +116,9 @@ def plot(
 
 def _logs_by_label(names: Sequence[str]) -> dict[str, Log]:
     """Load logs by legend label: the name in NAME=FILE, or a generated unique label."""
-    given = []
-    for name in names:
-        label, equals, path = name.partition("=")
-        # a file that has an equals sign in its name is a file
-        given.append(
-            (label.strip(), path) if equals and not Path(name).exists() else ("", name)
-        )
-    logs = [_log(path) for _, path in given]
-    usual = flight_labels(logs, [path for _, path in given])
-    labels = [label or other for (label, _), other in zip(given, usual, strict=True)]
-    for i, label in enumerate(labels):
-        if label in labels[:i]:
-            raise ValueError(
-                f"flight = {shown(names[i])}: must have another name than a flight"
-                " before it"
-            )
+    given, paths = zip(*map(labelled, names), strict=True)
+    logs = [_log(path) for path in paths]
+    labels = distinct_labels(names, given, flight_labels(logs, paths))
     return dict(zip(labels, logs, strict=True))
 
 
