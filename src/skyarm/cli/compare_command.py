@@ -27,7 +27,7 @@ from skyarm.cli.arguments import (
 from skyarm.cli.lines import say
 from skyarm.cli.output import bar, give, tell
 from skyarm.control.catalogue import OWN
-from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.files import must_be_one_of, shown, unreadable
 from skyarm.records.registry import names as registered
 from skyarm.records.registry.plugins import loaded_plugins
 from skyarm.scenario.scenario_file import kind_of_file
@@ -196,7 +196,7 @@ def compare(
         options |= {"seeds": seeds, "laws": names or USUAL_LAWS}
         names = []
     else:
-        missing = "no such file; " if suite.endswith(".toml") else ""
+        missing = f"{unreadable(Path(suite))}; " if suite.endswith(".toml") else ""
         raise ValueError(
             f"suite = {shown(suite)}: {missing}must be one of {', '.join(SUITES)}, a"
             " suite or scenario of your own (.toml), or a shipped scenario"

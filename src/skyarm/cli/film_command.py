@@ -21,7 +21,7 @@ from skyarm.cli.arguments import (
 from skyarm.cli.output import bar, give, tell
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log
-from skyarm.records.files import output_file, taken_back
+from skyarm.records.files import output_file, require_file, shown, taken_back
 from skyarm.records.files.own_inputs import require_no_input
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.simulate import run
@@ -208,6 +208,7 @@ def _logs(
                 " flight"
             )
         else:
+            require_file(name, f"flight = {shown(name)}")
             logs.append(load_log(name))
         for law in laws if _is_flown(name) else [None]:
             words.append(word)
