@@ -16,7 +16,7 @@ from skyarm.cli.arguments import (
 )
 from skyarm.cli.output import give, tell
 from skyarm.log.flight_log import Log
-from skyarm.log.formats import load_log
+from skyarm.log.formats import WRITTEN_BY, load_log
 from skyarm.records.files import shown, unreadable
 from skyarm.records.files.names import picture_file
 from skyarm.records.registry import names as registered
@@ -125,7 +125,7 @@ def _logs_by_label(names: Sequence[str]) -> dict[str, Log]:
 def _log(path: str) -> Log:
     reason = unreadable(Path(path)) if path else "is no file"
     if reason and Path(path).suffix.removeprefix(".") not in registered("log_format"):
-        reason = "must be a log that 'skyarm run' wrote, or a sweep's folder"
+        reason = f"must be a log that {WRITTEN_BY} wrote, or a sweep's folder"
     if reason:
         raise ValueError(f"flight = {shown(path)}: {reason}")
     return load_log(path)
