@@ -45,10 +45,7 @@ def film(
         list[str],
         typer.Argument(
             metavar="FLIGHT...",
-            help=(
-                "logs, or scenarios to fly first, with a label as NAME=FLIGHT; then the"
-                " file, unless -o"
-            ),
+            help="logs or scenarios, NAME=FLIGHT labels one; then the file, unless -o",
         ),
     ],
     out: Annotated[
