@@ -325,7 +325,7 @@ def chosen_names(
     return tuple(name for name in there if name in names)
 
 
-def labelled(name: str) -> tuple[str, str]:
+def label_of(name: str) -> tuple[str, str]:
     """Label and file of a flight given as NAME=FILE; the label is empty for a file
     alone.
     """

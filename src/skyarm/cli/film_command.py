@@ -12,7 +12,7 @@ from skyarm.cli.arguments import (
     Laws,
     chosen_names,
     distinct_labels,
-    labelled,
+    label_of,
     law_names,
     out_option,
     require_left_out,
@@ -196,7 +196,7 @@ def _logs(
     laws: Sequence[str | None] = names or [None]
     words, labels, logs = list[str](), list[str](), list[Log]()
     for word in flights:
-        label, name = labelled(word)
+        label, name = label_of(word)
         if _is_flown(name):
             logs += [_fly(name, law, settings.stop) for law in laws]
         elif names:

@@ -10,7 +10,7 @@ import typer
 
 from skyarm.cli.arguments import (
     distinct_labels,
-    labelled,
+    label_of,
     out_option,
     word_completion,
 )
@@ -116,7 +116,7 @@ def plot(
 
 def _logs_by_label(names: Sequence[str]) -> dict[str, Log]:
     """Load logs by legend label: the name in NAME=FILE, or a generated unique label."""
-    given, paths = zip(*map(labelled, names), strict=True)
+    given, paths = zip(*map(label_of, names), strict=True)
     logs = [_log(path) for path in paths]
     labels = distinct_labels(names, given, flight_labels(logs, paths))
     return dict(zip(labels, logs, strict=True))

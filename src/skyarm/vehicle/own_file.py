@@ -1,5 +1,5 @@
-"""Vehicles of other programs' files, and bare multirotors of a few numbers, as vehicle
-files of this library: ``skyarm new vehicle NAME``.
+"""Vehicle files that ``skyarm new vehicle`` writes: of other programs' files, or of
+a few numbers.
 """
 
 from __future__ import annotations

@@ -71,8 +71,10 @@ MOST_FILES = 1000
 
 
 def near_file(path: Path) -> str:
-    """Suggestion at the start of a message about a file that is not there: the file of
-    that folder and suffix with the most similar name; empty if there is none.
+    """Suggestion at the start of a message about a file that does not exist; empty if
+    there is none.
+
+    It is the file of that folder and suffix with the most similar name.
     """
     try:
         there = {
