@@ -36,7 +36,9 @@ def prepared(name: str) -> dict[str, str]:
             Path(skyarm.__file__).parent / "cli/starters/law.py.txt"
         ).read_text("utf-8")
     for example in re.findall(
-        r"[ \"](examples/(?:\w+\.(?:urdf|py)|loads_and_gusts\.toml))", PAGES[name]
+        r"[ \"](examples/(?:\w+\.(?:urdf|py)|loads_and_gusts\.toml)"
+        r"|examples/pick_and_place_box\.toml(?=\"))",
+        PAGES[name],
     ):
         files[example] = (ROOT / example).read_text("utf-8")
     # files that the reader makes from one of the page's own
