@@ -5,9 +5,6 @@ reference goes along.
 from __future__ import annotations
 
 import dataclasses
-import re
-import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -68,12 +65,6 @@ def test_a_box_that_slides_keeps_the_contact_at_about_the_speed_of_the_approach(
     assert order[-1] == pytest.approx(bears + GAINS.damping * TIP * speed[-1], rel=0.02)
     assert reference[-1] == pytest.approx(speed[-1], rel=0.02)
     assert speed.max() < 0.2
-
-
-def test_the_phases_on_the_page_push_by_force_as_here():
-    page = Path(__file__).resolve().parents[2] / "docs" / "comply.md"
-    (text,) = re.findall(r"```toml\n([^`]*)```", page.read_text("utf-8"))
-    assert tomllib.loads(f"phases = [\n{text}]")["phases"] == by_force()[1:]
 
 
 def test_the_surface_is_looked_for_from_where_it_was_last():

@@ -41,18 +41,13 @@ def prepared(name: str) -> dict[str, str]:
         PAGES[name],
     ):
         files[example] = (ROOT / example).read_text("utf-8")
-    # files that the reader makes from one of the page's own
-    if name == "pressing.md":
-        press, lines = tables(name)
+    if name == "pressing.md":  # the reader makes it
+        press, lines = (
+            block.text for block in blocks(PAGES[name]) if block.language == "toml"
+        )
         files["slide.toml"] = press.replace("duration = 5.0", "duration = 12.0").replace(
             'base = { kind = "signals", z = 1.0 }\n', lines
         )
-    if name == "comply.md":
-        *_, box, lines = tables(name)
-        box = box.replace("duration = 6.0", "duration = 9.0").replace(
-            'mode = "tip"\n', 'mode = "tip"\ninteraction = [0.3, 0.1]\n'
-        )
-        files["press_box.toml"] = re.sub(r".*go_to.*\n", lines, box)
     if name == "export_c.md":
         files["tuned.toml"] = next(
             block.text
@@ -60,11 +55,6 @@ def prepared(name: str) -> dict[str, str]:
             if "[gains]" in block.text
         )
     return files
-
-
-def tables(name: str) -> list[str]:
-    """Texts of a page's fences of TOML."""
-    return [block.text for block in blocks(PAGES[name]) if block.language == "toml"]
 
 
 def own_blocks(name: str) -> list[Block]:

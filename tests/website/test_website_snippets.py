@@ -57,7 +57,6 @@ ELSEWHERE |= {name: tests for name, tests in OTHERS.items() if name in PAGES}
 TABLES = {
     ("several_vehicles.md", "toml"): "tests/world/test_teams.py",
     ("pressing.md", "toml"): "tests/control/test_gripping.py",
-    ("comply.md", "toml"): "tests/control/test_pushed_boxes.py",
     ("identification.md", "toml"): "tests/flight_data/test_table_file.py",
     ("phases.md", "toml"): "tests/simulate/test_sensed_guards.py",
     (
