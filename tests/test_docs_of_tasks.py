@@ -9,7 +9,6 @@ import pytest
 import skyarm
 from skyarm.records.files import Fields
 from skyarm.reference.phases import phases_table
-from skyarm.reference.reference_tables import reference_from
 from skyarm.reference.task_records import Setting
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "tip_and_tasks.md").read_text(
@@ -36,7 +35,8 @@ def test_the_paths_shown_are_those_of_a_tip(tmp_path, monkeypatch):
         for text in TABLES[:3]
     ]
     assert ends == [
-        pytest.approx(end) for end in ([2.0, 0.0, 0.7], [0.2, 0.0, 0.7], [0.5, 0.3, 0.9])
+        pytest.approx(end)
+        for end in ([2.0, 0.0, 0.7], [0.2, 0.0, 0.7], [0.5, 0.3, 0.9])
     ]
 
 

@@ -45,9 +45,9 @@ def prepared(name: str) -> dict[str, str]:
         press, lines = (
             block.text for block in blocks(PAGES[name]) if block.language == "toml"
         )
-        files["slide.toml"] = press.replace("duration = 5.0", "duration = 12.0").replace(
-            'base = { kind = "signals", z = 1.0 }\n', lines
-        )
+        files["slide.toml"] = press.replace(
+            "duration = 5.0", "duration = 12.0"
+        ).replace('base = { kind = "signals", z = 1.0 }\n', lines)
     if name == "export_c.md":
         files["tuned.toml"] = next(
             block.text
