@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -417,7 +418,9 @@ def test_the_file_is_c_plus_plus_too(tmp_path):
 
 
 @needs_cc
-def test_the_programs_of_the_guide_print_what_the_guide_shows(tmp_path, monkeypatch):
+def test_the_programs_of_the_guide_print_what_the_guide_shows(
+    tmp_path, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
     guide = (Path(__file__).parents[3] / "docs" / "export_c.md").read_text("utf-8")
     programs = re.findall(r"```c title=\"(\w+).c\"\n(.*?)```", guide, re.DOTALL)
@@ -429,8 +432,10 @@ def test_the_programs_of_the_guide_print_what_the_guide_shows(tmp_path, monkeypa
     with pytest.raises(SystemExit) as stop:
         main()
     assert stop.value.code == 0
-    (script,) = re.findall(r"```python\n(.*?)```", guide, re.DOTALL)
-    exec(script, {})  # writes flown.h
+    examples = Path(__file__).parents[3] / "examples"
+    capsys.readouterr()
+    runpy.run_path(str(examples / "record_for_c.py"))  # writes flown.h
+    assert capsys.readouterr().out == shown[1]
     law = object_file(Path("case3.c").read_text("ascii"), tmp_path, name="case3")
     assert [name for name, _ in programs] == ["main", "check"]
     for (name, program), printed in zip(programs, shown, strict=True):
