@@ -1,4 +1,4 @@
-"""Record three periods of a flight as C arrays, with which an exported law is checked."""
+"""Record three periods of a flight as C arrays, which check an exported law."""
 
 import dataclasses
 
@@ -29,5 +29,6 @@ for _ in range(3):
     desired.append(braces(given[1]))
     session.step()
 with open("flown.h", "w") as file:
-    for name, rows in (("measurement measured", measured), ("reference desired", desired)):
+    arrays = {"measurement measured": measured, "reference desired": desired}
+    for name, rows in arrays.items():
         print(f"static const struct case3_{name}[] = {{{', '.join(rows)}}};", file=file)
