@@ -149,8 +149,6 @@ def test_a_page_runs_from_its_first_block_to_its_last_and_prints_what_it_shows(
     if name == "python_api.md":
         # the lane of an episode in the batch keeps its instants
         assert ran.names["x"].shape[0] == 100
-    if name == "sweeps.md":
-        assert ran.names["log"].status == "completed"
     assert ran.blocks > 0
 
 
