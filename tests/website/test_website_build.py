@@ -156,6 +156,7 @@ def test_files_beside_the_code_are_parts_of_their_page() -> None:
     """Each heading stands once, two levels lower, and links between files are anchors
     of the page.
     """
+    pytest.importorskip("latex2mathml", reason="of the extra docs")
     for folder, name in JOINED.items():
         taken: dict[str, Path] = {}
         _, text = staged(DOCS / name, None, taken)
