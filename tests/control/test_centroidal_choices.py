@@ -243,8 +243,8 @@ def test_a_preview_reaches_beyond_the_period_of_the_reference_or_is_none():
     assert preview(delay=0.03, age=0.015, preview=0.28) == 0.28
     for options, least in (({}, 0.16), ({"delay": 0.03, "age": 0.015}, 0.28)):
         words = (
-            "^controller.preview = 0.15: must be 0, or 8 periods of the reference at"
-            f" least, {least} s$"
+            f"^controller.preview = 0.15: must be 0, or at least {least} s, 8 times the"
+            " reference's period and the delay of commands$"
         )
         with pytest.raises(ControllerError, match=words):
             make_centroidal(MODEL, mode="tip", preview=0.15, **options)

@@ -306,6 +306,21 @@ def either(entry: str) -> str:
     )
 
 
+def with_degrees(cell: str, unit: str) -> str:
+    """Default with its degrees, where these are a round number and its radians are
+    not.
+    """
+    found = re.fullmatch(r"`(\d\.\d{9,})`", cell)
+    if not found or not unit.startswith("rad"):
+        return cell
+    degrees = math.degrees(float(found[1]))
+    return (
+        f"{cell} ({degrees:.0f} degrees)"
+        if abs(degrees - round(degrees)) < 1e-9
+        else cell
+    )
+
+
 def choices(entry: str) -> str:
     """Texts that an entry may be, if it is a choice of few."""
     quoted = re.findall(r"'([^']*)'", entry)
@@ -340,7 +355,7 @@ def field_row(kind: type, name: str, word: str = "") -> Sequence[str]:
     return (
         f"`{word or words_of_fields(kind).get(name, name)}`",
         typed(either(entry), unit.unit),
-        coded(default, whole=True),
+        with_degrees(coded(default, whole=True), unit.unit),
         coded(text.allowed) or choices(entry) or bounds(unit),
         text.meaning or unit.meaning,
         text.effect or unit.effect,
@@ -420,7 +435,7 @@ def grammar_row(row: GrammarRow, prefix: str) -> Sequence[str]:
             .replace(SIGNAL, "signal"),
             row.unit,
         ).replace("list of signal,", "list of signals,"),
-        coded(row.default, whole=True),
+        with_degrees(coded(row.default, whole=True), row.unit),
         coded(allowed),
         row.meaning,
         row.effect,

@@ -67,7 +67,7 @@ CARD = (
     "*Results*: ",
 )
 """Parts of a card in their order."""
-CARD_WORDS = 180
+CARD_WORDS = 260
 
 
 @pytest.mark.parametrize("name", sorted(SHIPPED_LAWS))

@@ -71,7 +71,7 @@ TABLES = {
     ("scenario_sensors.md", "toml"): "tests/test_docs.py",
     ("scenario_world.md", "toml"): "tests/test_docs.py",
     ("tuning.md", "toml"): "tests/studies/tune/test_files_of_gains_shown.py",
-    ("sweeps.md", "toml"): "tests/test_docs_pictures.py",
+    ("study_files.md", "toml"): "tests/test_docs_pictures.py",
     ("your_vehicle.md", "toml"): "tests/cli/test_mounted_arm.py",
     ("mount_an_arm.md", "toml"): "tests/cli/test_mounted_arm.py",
 }
@@ -145,10 +145,9 @@ def test_a_page_runs_from_its_first_block_to_its_last_and_prints_what_it_shows(
         )
     ran = flown(name, here)
     assert ran.answers == [], f"python tests/website/printed_answers.py --write {name}"
-    if name == "sweeps.md":
+    if name == "python_api.md":
         # the lane of an episode in the batch keeps its instants
         assert ran.names["x"].shape[0] == 100
-        assert ran.names["log"].status == "completed"
     assert ran.blocks > 0
 
 

@@ -87,8 +87,10 @@ class State:
         return float(euler_angles(self.rotation)[ANGLES.index(name)])
 
     def with_views(self, values: Mapping[str, Scalar]) -> State:
-        """State with roll, pitch or yaw (rad) replaced, by name; the other angles are
-        those read from the state, which reads a pitch within 90 degrees alone.
+        """State with roll, pitch or yaw (rad) replaced, by name.
+
+        The other angles are those read from the state, which reads a pitch within 90
+        degrees alone.
         """
         usual = dict(zip(ANGLES, euler_angles(self.rotation), strict=True))
         half = [

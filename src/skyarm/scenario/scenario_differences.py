@@ -45,8 +45,10 @@ def scenario_differences(a: object, b: object) -> dict[str, tuple[Plain, Plain]]
 
 
 def _leaves(data: Plain, names: FieldPath) -> Iterator[tuple[FieldPath, Plain]]:
-    """Field path and value of each number, text, flag, null and empty table or list in
-    a scenario's plain data, but what is written for people alone.
+    """Field path and value of each leaf of a scenario's plain data.
+
+    Leaves are numbers, texts, flags, nulls, empty tables and lists; what is written for
+    people alone is left out.
     """
     inner: Iterable[tuple[object, Plain]] = ()
     if isinstance(data, Mapping):
