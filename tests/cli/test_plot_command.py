@@ -101,7 +101,7 @@ def test_a_vehicle_is_drawn_into_the_file_named(folder: Path) -> None:
         ),
         (
             ("plot", "case3", "-o", "a.png"),
-            ("flight = 'case3': must be a log that 'skyarm run' wrote",),
+            ("flight = 'case3': must be a log that 'skyarm run SCENARIO",),
         ),
         (("plot", "logs/paper_ct/case2.csv", "-o", "a.png"), ("cannot be read back",)),
         (

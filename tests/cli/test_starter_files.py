@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -195,3 +196,42 @@ def test_the_law_that_was_written_flies_by_its_file(written, monkeypatch):
             "run", "case1", "--laws", "my_law.py:make", "--duration", "0.5", "--quiet"
         )
     assert done.code == 0, done
+
+
+@pytest.mark.parametrize(
+    ("rotors", "arm_length", "mass"), [(4, 0.05, 0.05), (6, 0.3, 2.0), (12, 0.6, 8.0)]
+)
+def test_a_bare_multirotor_of_a_few_numbers_flies(
+    rotors, arm_length, mass, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    sizes = ["--arm-length", str(arm_length), "--mass", str(mass)]
+    made = skyarm("new", "vehicle", "bare", "--rotors", str(rotors), *sizes)
+    assert made.code == 0, made.err
+    vehicle = package.load_vehicle("bare.toml")
+    assert (len(vehicle.rotors), vehicle.base.mass) == (rotors, mass)
+    for one, other in pairwise([*vehicle.rotors, vehicle.rotors[0]]):
+        assert one.direction == -other.direction
+        assert one.position.norm() == pytest.approx(arm_length, rel=1e-5)
+    checked = skyarm("check", "bare.toml")
+    assert "can fly: no fault, 0 warnings" in checked.out
+    for check in functions_of(tmp_path / "test_bare.py").values():
+        check()
+
+
+def test_numbers_of_a_bare_multirotor_are_refused_where_they_say_nothing(
+    tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    for words, said in (
+        (("vehicle", "a", "--rotors", "3"), "--rotors = 3: must be one of 4, 6"),
+        (("vehicle", "a", "--mass", "2"), "--mass: must be left out without --rotors"),
+        (("law", "a", "--rotors", "4"), "--rotors = 4: must be of a vehicle"),
+        (("vehicle", "a", "--rotors", "4", "--mass", "0"), "--mass = 0.0: must be"),
+        (
+            ("vehicle", "a", "--rotors", "4", "--from", "hummingbird"),
+            "--rotors = 4: must be of a vehicle without --from",
+        ),
+    ):
+        refused(skyarm("new", *words), said)
+    assert not [*tmp_path.iterdir()]

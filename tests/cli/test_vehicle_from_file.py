@@ -505,3 +505,14 @@ def test_a_vehicle_with_a_fault_is_not_said_to_fly(folder):
         heavy.out.splitlines()[-1]
         == "the check of the vehicle finds a fault; which one: skyarm check heavy2.toml"
     )
+
+
+def test_a_mesh_that_is_not_there_is_told_beside_drawing_and_checks(tmp_path):
+    visual = '<visual><geometry><mesh filename="gone.stl"/></geometry></visual>'
+    drawn = link("hull").replace("</link>", f"{visual}</link>")
+    file = saved(tmp_path, robot(drawn))
+    line = "link hull: a mesh file is not there; it is drawn from its joints"
+    picture = skyarm("show", str(file), "-o", str(tmp_path / "v.png"))
+    assert (picture.code, picture.out.splitlines()[1:]) == (0, [line])
+    note = " ".join(skyarm("check", str(file), columns=200).out.split())
+    assert f"note meshes {line}" in note

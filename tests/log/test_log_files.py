@@ -202,7 +202,10 @@ def test_a_file_that_is_no_log_is_refused_in_one_line(
 ) -> None:
     path = tmp_path / "log.npz"
     path.write_bytes(content)
-    with pytest.raises(ValueError, match="must be a log that save_npz wrote"):
+    with pytest.raises(
+        ValueError,
+        match="must be a log that save_npz wrote; 'skyarm run SCENARIO --log FILE'",
+    ):
         Log.load_npz(path)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from skyarm.studies.assess.along_reference import BLOW, CLEARANCES
-from skyarm.studies.assess.assessment import LAW, PARTS, PLAN, QUESTION, REFUSED
+from skyarm.studies.assess.assessment import LAW, MESHES, PARTS, PLAN, QUESTION, REFUSED
 from skyarm.studies.assess.endurance import SHORTEST
 from skyarm.studies.assess.finding import UNITS
 from skyarm.studies.assess.joints import OFTEN
@@ -205,6 +205,13 @@ CHECKS: tuple[Check, ...] = (
         f"time of hover on the battery; warning below {SHORTEST:g} s, fault if it"
         " cannot hover",
         "more cells or more charge",
+    ),
+    Check(
+        VEHICLE,
+        MESHES,
+        "note",
+        "mesh files that are not there or cannot be drawn; flights need none",
+        "put the files beside the URDF file, or take their names out of it",
     ),
     Check(
         SCENARIO,

@@ -208,6 +208,10 @@ def test_drives_of_arm_and_airframe_come_with_them_and_the_file_may_state_others
 
 REFUSED = {
     "no file": ('arm = "x.urdf"', "attach[0].arm = 'x.urdf': no such file"),
+    "near": (
+        'arm = "bads.urdf"',
+        "attach[0].arm = 'bads.urdf': did you mean 'bad.urdf'? no such file",
+    ),
     "kind": (
         'arm = "arm.step"',
         (

@@ -181,7 +181,7 @@ Laws = Annotated[
     typer.Option(
         "--laws",
         metavar="LAW,...",
-        help="laws instead of the file's: presets, laws, gains (.toml), FILE.py:make",
+        help="laws to fly: own, presets, laws, gains (.toml), FILE.py:make",
         autocompletion=name_completion("controller"),
     ),
 ]
@@ -191,7 +191,7 @@ Law = Annotated[
     typer.Option(
         "--laws",
         metavar="LAW",
-        help="one law: a preset, law, gains (.toml), FILE.py:make",
+        help="one law: own, a preset, law, gains (.toml), FILE.py:make",
         autocompletion=name_completion("controller"),
     ),
 ]
@@ -278,16 +278,17 @@ def law_names(laws: Sequence[str] | None) -> list[str]:
     Raises:
         ValueError: one line: a name of no law, or no such file of gains.
     """
-    from skyarm.control.catalogue import is_named, must_be_named
+    from skyarm.control.catalogue import OWN, is_named, must_be_named
     from skyarm.scenario.controller_table import is_gains_file
 
     named = names_of("--laws", laws)
     for name in named:
         if is_gains_file(name):
             require_file(name, f"--laws = {shown(name)}")
-        elif not is_named(name):
+        elif name != OWN and not is_named(name):
             raise ValueError(
-                f"--laws = {shown(name)}: {must_be_named(name)}; or a .toml file"
+                f"--laws = {shown(name)}: {must_be_named(name)}; a .toml file, or"
+                f" {OWN!r}, the law of the scenario with its options"
             )
     return named
 
@@ -322,6 +323,38 @@ def chosen_names(
         if names.count(name) > 1:
             raise ValueError(f"{option} = {shown(name)}: must be named once")
     return tuple(name for name in there if name in names)
+
+
+def labelled(name: str) -> tuple[str, str]:
+    """Label and file of a flight given as NAME=FILE; the label is empty for a file
+    alone.
+    """
+    label, equals, path = name.partition("=")
+    # a file that has an equals sign in its name is a file
+    return (label.strip(), path) if equals and not Path(name).exists() else ("", name)
+
+
+def distinct_labels(
+    names: Sequence[str], given: Sequence[str], usual: Sequence[str]
+) -> list[str]:
+    """Labels of flights: the given ones, and the usual ones where these are empty.
+
+    Args:
+        names: words of the command line, for the message.
+        given: labels of these words.
+        usual: labels that flights get by themselves.
+
+    Raises:
+        ValueError: one line: a label that a flight before it has.
+    """
+    labels = [label or other for label, other in zip(given, usual, strict=True)]
+    for i, label in enumerate(labels):
+        if label in labels[:i]:
+            raise ValueError(
+                f"flight = {shown(names[i])}: must have another name than a flight"
+                " before it"
+            )
+    return labels
 
 
 def require_not_another(name: str, expected: str) -> None:

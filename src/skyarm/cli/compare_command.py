@@ -26,7 +26,8 @@ from skyarm.cli.arguments import (
 )
 from skyarm.cli.lines import say
 from skyarm.cli.output import bar, give, tell
-from skyarm.records.files import must_be_one_of, shown
+from skyarm.control.catalogue import OWN
+from skyarm.records.files import must_be_one_of, shown, unreadable
 from skyarm.records.registry import names as registered
 from skyarm.records.registry.plugins import loaded_plugins
 from skyarm.scenario.scenario_file import kind_of_file
@@ -38,7 +39,6 @@ from skyarm.studies.compare.contact_tasks import TASKS
 from skyarm.studies.compare.envelope import ENVELOPE, TUNED_LAWS
 from skyarm.studies.compare.envelope_axes import AXES
 from skyarm.studies.compare.own_scenario import LAWS as USUAL_LAWS
-from skyarm.studies.compare.own_scenario import OWN
 from skyarm.studies.compare.run_suite import Suite, fly_suite, other_report
 from skyarm.studies.compare.suite import conditions as conditions_of
 from skyarm.studies.compare.survive import SURVIVE
@@ -196,7 +196,7 @@ def compare(
         options |= {"seeds": seeds, "laws": names or USUAL_LAWS}
         names = []
     else:
-        missing = "no such file; " if suite.endswith(".toml") else ""
+        missing = f"{unreadable(Path(suite))}; " if suite.endswith(".toml") else ""
         raise ValueError(
             f"suite = {shown(suite)}: {missing}must be one of {', '.join(SUITES)}, a"
             " suite or scenario of your own (.toml), or a shipped scenario"

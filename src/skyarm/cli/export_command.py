@@ -35,6 +35,7 @@ from skyarm.records.files import (
     output_file,
     require_file,
     shown,
+    unreadable,
     write_atomically,
 )
 from skyarm.records.files.names import read_named
@@ -441,8 +442,8 @@ def _require_scenario(controller: str) -> None:
             f" scenario ({', '.join(shipped_names('scenario'))}) or a scenario's .toml"
             " file"
         )
-    if not Path(controller).is_file():
+    if reason := unreadable(Path(controller)):
         raise ValueError(
-            f"controller = {shown(controller)}: no such file; must be one of a scenario"
-            " or of gains"
+            f"controller = {shown(controller)}: {reason}; must be one of a scenario or"
+            " of gains"
         )

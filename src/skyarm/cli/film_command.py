@@ -11,6 +11,8 @@ import typer
 from skyarm.cli.arguments import (
     Laws,
     chosen_names,
+    distinct_labels,
+    labelled,
     law_names,
     out_option,
     require_left_out,
@@ -19,10 +21,11 @@ from skyarm.cli.arguments import (
 from skyarm.cli.output import bar, give, tell
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log
-from skyarm.records.files import output_file, taken_back
+from skyarm.records.files import output_file, require_file, shown, taken_back
 from skyarm.records.files.own_inputs import require_no_input
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.simulate import run
+from skyarm.view.figures.flight_facts import flight_labels
 from skyarm.view.film.film_flights import write_film
 from skyarm.view.film.make_film import Camera, FilmSettings, Layout, size_of
 from skyarm.view.film.recording import SUFFIXES, import_viser
@@ -42,7 +45,7 @@ def film(
         list[str],
         typer.Argument(
             metavar="FLIGHT...",
-            help="logs, or scenarios to fly first; then the file, unless -o",
+            help="logs or scenarios, NAME=FLIGHT labels one; then the file, unless -o",
         ),
     ],
     out: Annotated[
@@ -149,7 +152,10 @@ def film(
     with taken_back(path.parent):
         # before the flights: a missing renderer must not cost a flight
         _require_renderer(recorded=recorded)
-        logs = _logs(flights, law_names(laws), settings)
+        words, own, logs = _logs(flights, law_names(laws), settings)
+        if any(own):
+            require_left_out(context, ["--label"], " beside NAME=FLIGHT")
+            label = distinct_labels(words, own, flight_labels(logs))
         # a log may have been read under this name meanwhile
         require_no_input(path, "FILE")
         with bar("recording" if recorded else "filming") as advance:
@@ -180,11 +186,17 @@ def _require_renderer(*, recorded: bool) -> None:
 
 def _logs(
     flights: Sequence[str], names: Sequence[str], settings: FilmSettings
-) -> list[Log]:
-    """Load the named logs, and simulate the named scenarios."""
+) -> tuple[list[str], list[str], list[Log]]:
+    """Load the named logs, and simulate the named scenarios.
+
+    Returns:
+        of each log its word of the command line and its label, empty if it has none;
+        the logs.
+    """
     laws: Sequence[str | None] = names or [None]
-    logs = []
-    for name in flights:
+    words, labels, logs = list[str](), list[str](), list[Log]()
+    for word in flights:
+        label, name = labelled(word)
         if _is_flown(name):
             logs += [_fly(name, law, settings.stop) for law in laws]
         elif names:
@@ -193,8 +205,13 @@ def _logs(
                 " flight"
             )
         else:
+            require_file(name, f"flight = {shown(name)}")
             logs.append(load_log(name))
-    return logs
+        for law in laws if _is_flown(name) else [None]:
+            words.append(word)
+            several = label and law is not None and len(laws) > 1
+            labels.append(f"{label}, {law}" if several else label)
+    return words, labels, logs
 
 
 def _is_flown(name: str) -> bool:

@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.arguments import Force, Out, word_completion
+from skyarm.cli.arguments import Force, Out, require_left_out, word_completion
 from skyarm.cli.output import give, tell
 from skyarm.records.files import (
     must_be_one_of,
@@ -25,7 +25,7 @@ from skyarm.records.files.earlier_files import naming
 from skyarm.records.files.names import is_result_name
 from skyarm.records.files.writing import require_new
 from skyarm.studies.assess.assessment import check as assess
-from skyarm.vehicle.own_file import own_vehicle_file
+from skyarm.vehicle.own_file import bare_multirotor, own_vehicle_file
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
 
@@ -58,6 +58,7 @@ FIRST = {
 
 
 def new(
+    context: typer.Context,
     kind: Annotated[
         str,
         typer.Argument(
@@ -89,6 +90,16 @@ def new(
             metavar="NAME", help="with --from: link or frame that is the end effector"
         ),
     ] = "",
+    rotors: Annotated[
+        int,
+        typer.Option(
+            metavar="N", help="vehicle: write a bare multirotor of 4, 6, 8, 10 or 12"
+        ),
+    ] = 0,
+    arm_length: Annotated[
+        float, typer.Option(help="with --rotors: from the middle to a hub, m")
+    ] = 0.25,
+    mass: Annotated[float, typer.Option(help="with --rotors: kg")] = 1.5,
     out: Out = ".",
     force: Force = False,
 ) -> None:
@@ -104,7 +115,13 @@ def new(
         )
     if tip and not source:
         raise ValueError(f"--tip = {shown(tip)}: must stand beside --from")
+    if not rotors:
+        require_left_out(context, ["--arm-length", "--mass"], " without --rotors")
+    elif source or kind != "vehicle":
+        raise ValueError(f"--rotors = {rotors}: must be of a vehicle without --from")
     own, flies = own_vehicle_file(source, name, tip) if source else ("", True)
+    if rotors:
+        own = bare_multirotor(name, rotors, arm_length, mass)
     files = write_starter(kind, name, out, force=force, own=own, flies=flies)
     # the check of a few poses suffices for the next command
     fails = bool(own and flies) and not assess(files[0], poses=64).flies

@@ -8,10 +8,15 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.arguments import out_option, word_completion
+from skyarm.cli.arguments import (
+    distinct_labels,
+    labelled,
+    out_option,
+    word_completion,
+)
 from skyarm.cli.output import give, tell
 from skyarm.log.flight_log import Log
-from skyarm.log.formats import load_log
+from skyarm.log.formats import WRITTEN_BY, load_log
 from skyarm.records.files import shown, unreadable
 from skyarm.records.files.names import picture_file
 from skyarm.records.registry import names as registered
@@ -111,29 +116,16 @@ def plot(
 
 def _logs_by_label(names: Sequence[str]) -> dict[str, Log]:
     """Load logs by legend label: the name in NAME=FILE, or a generated unique label."""
-    given = []
-    for name in names:
-        label, equals, path = name.partition("=")
-        # a file that has an equals sign in its name is a file
-        given.append(
-            (label.strip(), path) if equals and not Path(name).exists() else ("", name)
-        )
-    logs = [_log(path) for _, path in given]
-    usual = flight_labels(logs, [path for _, path in given])
-    labels = [label or other for (label, _), other in zip(given, usual, strict=True)]
-    for i, label in enumerate(labels):
-        if label in labels[:i]:
-            raise ValueError(
-                f"flight = {shown(names[i])}: must have another name than a flight"
-                " before it"
-            )
+    given, paths = zip(*map(labelled, names), strict=True)
+    logs = [_log(path) for path in paths]
+    labels = distinct_labels(names, given, flight_labels(logs, paths))
     return dict(zip(labels, logs, strict=True))
 
 
 def _log(path: str) -> Log:
     reason = unreadable(Path(path)) if path else "is no file"
     if reason and Path(path).suffix.removeprefix(".") not in registered("log_format"):
-        reason = "must be a log that 'skyarm run' wrote, or a sweep's folder"
+        reason = f"must be a log that {WRITTEN_BY} wrote, or a sweep's folder"
     if reason:
         raise ValueError(f"flight = {shown(path)}: {reason}")
     return load_log(path)

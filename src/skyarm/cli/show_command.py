@@ -233,10 +233,10 @@ def _draw(name: str, file: str) -> None:
     from skyarm.view.figures.style import save_picture
     from skyarm.view.figures.vehicle_drawing import vehicle_drawing
 
-    target = picture_file(file, "--out")
-    save_picture(vehicle_drawing(load_vehicle(name)), target)
+    target, loaded = picture_file(file, "--out"), load_vehicle(name)
+    save_picture(vehicle_drawing(loaded), target)
     give(drawing=target)
-    tell(f"drawing: {target}")
+    tell(f"drawing: {target}", *loaded.missing_meshes)
 
 
 def contents() -> Facts:

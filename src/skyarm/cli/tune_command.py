@@ -24,6 +24,7 @@ from skyarm.cli.arguments import (
 )
 from skyarm.cli.lines import NOT_COMPLETED, say, say_suspicious
 from skyarm.cli.output import bar, give, plugin_facts, tell, tell_report
+from skyarm.control.catalogue import OWN
 from skyarm.records.files import (
     must_be_one_of,
     read_toml,
@@ -243,6 +244,8 @@ def tuning_inputs(target: str, controller: str | None) -> TuningInputs:
     from skyarm.studies.tune.tuning import subject_of
 
     of_a_vehicle, names = _is_vehicle(target), shipped_names("scenario")
+    if controller == OWN and not of_a_vehicle:
+        controller = None
     if not (
         of_a_vehicle
         or target in names

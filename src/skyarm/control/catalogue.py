@@ -34,6 +34,9 @@ from skyarm.records.registry.shipped import TUNED
 
 __all__ = ["TUNED", "Controller", "ControllerError"]
 
+OWN = "own"
+"""Name of a scenario's own controller, with the options that the scenario gives it."""
+
 BEARS_UNDRIVEN = ("rotors_sim_position", "decoupled_pd", "guo2023")
 """Names of the laws that keep the base in flight without joint torques. The others
 count on them and fall with a slung load whose joints nothing drives

@@ -118,7 +118,7 @@ def flown_scenario(info: Info, replaced: Mapping[str, object]) -> Any:
             "scenario_record: must hold the scenario as this version writes it; skyarm"
             f" {of} wrote it"
         )
-    if not _matches_digest(info, written, code):
+    if not matches_digest(info, written, code):
         raise ValueError(
             "scenario_record: must be of the log's digest; it was changed after skyarm"
             f" {of} wrote it"
@@ -147,7 +147,7 @@ def flown_scenario(info: Info, replaced: Mapping[str, object]) -> Any:
     )
 
 
-def _matches_digest(info: Info, written: Info, code: Info) -> bool:
+def matches_digest(info: Info, written: Any, code: Any) -> bool:
     """True if a log's digest matches its scenario and files of user code."""
     try:
         return isinstance(code, dict) and log_digest(written, code) == info.get(

@@ -81,6 +81,10 @@ def write_npz_into(stream: IO[bytes], log: Log) -> None:
                 np.lib.format.write_array(member, array, allow_pickle=False)
 
 
+WRITTEN_BY = "'skyarm run SCENARIO --log FILE'"
+"""Command that writes logs, for a message about a file that is none."""
+
+
 def read_npz(path: PathLike) -> Log:
     """Read a log from an npz file.
 
@@ -104,7 +108,9 @@ def log_from_npz(file: bytes, name: str) -> Log:
     except Exception:
         # archive, header, numbers and JSON have readers of their own, each with its own
         # errors
-        raise ValueError(f"{name}: must be a log that save_npz wrote") from None
+        raise ValueError(
+            f"{name}: must be a log that save_npz wrote; {WRITTEN_BY} writes one"
+        ) from None
     try:
         return log_of(content, info)
     except ValueError as error:

@@ -22,6 +22,7 @@ import dataclasses
 import inspect
 import math
 import os
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeGuard, get_args
@@ -36,6 +37,7 @@ from skyarm.control.actuator_layer import (
 from skyarm.control.catalogue import (
     AUTOPILOTS,
     LAWS,
+    OWN,
     PRESETS,
     entry_of,
     make_controller,
@@ -60,6 +62,7 @@ from skyarm.records.files import (
     shown,
 )
 from skyarm.records.files.names import require_kind
+from skyarm.records.identity import identity
 from skyarm.records.leaves import (
     Place,
     is_leaf,
@@ -253,16 +256,41 @@ def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Contro
     return with_safety_layer(made, limits, stow=tuple(map(float, before.recovery.stow)))
 
 
+class OwnOptionsWarning(UserWarning):
+    """Warning about a scenario's own law that is named in place of it and so flies
+    without its options.
+    """
+
+
+def warn_of_own_options(name: str) -> None:
+    """Warn that the options which a scenario gives its own law are left out."""
+    line = f"flies {name} with its defaults, not the options of the scenario"
+    warnings.warn(f"{line}: write {OWN!r}", OwnOptionsWarning, stacklevel=2)
+
+
+def leaves_out_options(table: Mapping[str, object], law: str) -> bool:
+    """True if a law is that of a [controller] table and the table has options of
+    it.
+    """
+    return table.get("law") == law and bool({*table} - {"law", *LAYERS})
+
+
 def under_law(scenario: Scenario, name: str) -> Scenario:
     """Scenario with the law of each vehicle replaced by the preset, law or gains file
-    of a given name.
+    of a given name; unchanged for "own".
 
     Raises:
         ControllerError, AllocationError: as :func:`controller_by_name`.
     """
-    return scenario.under(
-        *(controller_by_name(scenario.of(each), name) for each in scenario.agents)
-    )
+    if name == OWN:
+        return scenario
+    made = {
+        each: controller_by_name(scenario.of(each), name) for each in scenario.agents
+    }
+    own = {each: agent.controller for each, agent in scenario.agents.items()}
+    if any(own[k].name == name and identity(own[k]) != identity(made[k]) for k in made):
+        warn_of_own_options(name)
+    return scenario.under(*made.values())
 
 
 PYTHON_ONLY = ("network", "program")

@@ -16,7 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from skyarm.control.catalogue import AUTOPILOTS, PRESETS, TUNED
+from skyarm.control.catalogue import AUTOPILOTS, OWN, PRESETS, TUNED
 from skyarm.records.files import (
     Fields,
     PathLike,
@@ -83,9 +83,9 @@ def save_scenario(
         scenario: scenario to write.
         base: shipped name, path or tables of the scenario that it was made from: what
             both have is written as there.
-        controller: name of its law as of :func:`skyarm.load_scenario`; left out, the
-            base's [controller] if the law is of that name, or the catalogue's law of
-            its name.
+        controller: name of its law as of :func:`skyarm.load_scenario`; "own" or left
+            out, the base's [controller] if the law is of that name, or the catalogue's
+            law of its name.
 
     Returns:
         The path.
@@ -103,6 +103,7 @@ def save_scenario(
         raise ScenarioError(f"scenario = {shown(scenario)}: must be a Scenario")
     with errors_as(ScenarioError):
         law = None if controller is None else file_name(controller, "controller")
+        law = None if law == OWN else law
     with taken_back(file.parent):
         with errors_as(ScenarioError):
             output_file(str(path), "path", SUFFIX, force=True)

@@ -69,6 +69,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.algebra import Scalar
+from skyarm.control.catalogue import OWN
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import (
     PathLike,
@@ -84,7 +85,12 @@ from skyarm.records.members import SOLE
 from skyarm.records.path_names import AGENTS, agent_of, word_of
 from skyarm.records.registry import names
 from skyarm.scenario import readers
-from skyarm.scenario.controller_table import require_servos_said, under_law
+from skyarm.scenario.controller_table import (
+    leaves_out_options,
+    require_servos_said,
+    under_law,
+    warn_of_own_options,
+)
 from skyarm.scenario.document import Document, slot_of, words_of_agent
 from skyarm.scenario.in_flight import require_changes
 from skyarm.scenario.numbers import require_apart, with_numbers
@@ -117,7 +123,8 @@ def load_scenario(
             of a log of a flight.
         plant: "rigid_body" or "mujoco".
         controller: name of a preset or a law, or ``LAW_tuned``
-            (:mod:`skyarm.control.catalogue`).
+            (:mod:`skyarm.control.catalogue`); "own" is the scenario's, with its
+            options.
         seed: seed of the noise.
         duration: s.
 
@@ -252,7 +259,9 @@ def scenario_from(
     if not isinstance(document, Mapping):
         raise ScenarioError(f"document = {shown(document)}: must be a table")
     try:
-        given = replaced or {}
+        given = dict(replaced or {})
+        if given.get("controller") == OWN:
+            del given["controller"]
         return _scenario_of(
             Document(document, Path(folder), _by_path(given), given.get("controller"))
         )
@@ -274,9 +283,13 @@ def _scenario_of(document: Document) -> Scenario:
     # those of a law that does not fly
     if document.law is not None:
         changes = [each for each in changes if not each.of_law]
+    without = False
     for name, each in members.items():
         with each.errors_at():
             controller = each.stated_table("controller")
+            without |= document.law is not None and leaves_out_options(
+                controller.table, document.law
+            )
             require_servos_said(
                 controller, each.word("plant").vehicle, each.word("model")
             )
@@ -297,6 +310,8 @@ def _scenario_of(document: Document) -> Scenario:
     initial = slot_of("initial")
     # gains of a law that does not fly, as changes of it are
     if document.law is not None:
+        if without:
+            warn_of_own_options(document.law)
         numbers = {
             path: value
             for path, value in numbers.items()

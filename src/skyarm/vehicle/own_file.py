@@ -1,15 +1,18 @@
-"""Vehicles of other programs' files as vehicle files of this library: ``skyarm new
-vehicle NAME --from FILE``.
+"""Vehicles of other programs' files, and bare multirotors of a few numbers, as vehicle
+files of this library: ``skyarm new vehicle NAME``.
 """
 
 from __future__ import annotations
 
+import cmath
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from skyarm.records.files import must_be_one_of, number
 from skyarm.records.files.toml import toml_value
 from skyarm.vehicle.attach import RigidBodies, bodies_of, place_in
 from skyarm.vehicle.check import refuse
@@ -25,6 +28,10 @@ from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.vehicle.vehicle_tables import SOURCES
 from skyarm.vehicle.vehicle_text import vehicle_text
 from skyarm.view.pages.markup import render_template
+
+ROTORS = (4, 6, 8, 10, 12)
+"""Numbers of fixed rotors that balance each other when every second one turns the other
+way; three of them cannot hold the yaw."""
 
 OF_TILTS = {"lower": -1, "upper": 1, "time_constant": 1}
 """Numbers in place of those that a file lacks of the servo of a tilting rotor."""
@@ -61,6 +68,35 @@ def own_vehicle_file(file: str, name: str, tip: str = "") -> tuple[str, bool]:
         refuse("--from", file, f"must be whole: {loaded.gaps[0]}")
     with naming_file(file):
         return _text(file, replace(loaded, name=name), bodies, tip)
+
+
+def bare_multirotor(name: str, rotors: int, arm_length: float, mass: float) -> str:
+    """Text of a vehicle file of a multirotor without an arm, with typical numbers of
+    its size.
+
+    Args:
+        name: name of the vehicle.
+        rotors: number of rotors, which turn one way and the other by turns.
+        arm_length: distance of the hubs from the middle, m.
+        mass: kg.
+
+    Raises:
+        ValueError: one line: a number that is out of bounds.
+    """
+    if rotors not in ROTORS:
+        raise ValueError(f"--rotors = {rotors}: {must_be_one_of(map(str, ROTORS), '')}")
+    number(arm_length, "--arm-length", low=0.0, strict=True)
+    number(mass, "--mass", low=0.0, strict=True)
+    return render_template(
+        "vehicle/exported/multirotor.jinja",
+        name=name,
+        arm_length=arm_length,
+        mass=mass,
+        # the nose lies between the first rotor and the last
+        places=[
+            cmath.rect(arm_length, math.tau * (k + 0.5) / rotors) for k in range(rotors)
+        ],
+    )
 
 
 def _text(

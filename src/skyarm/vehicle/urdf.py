@@ -39,7 +39,7 @@ from skyarm.vehicle.check import refuse
 from skyarm.vehicle.linkage import BASE, Body, Joint
 from skyarm.vehicle.rotor_sources.own_files import OWN
 from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
-from skyarm.vehicle.vehicle_records import Look, Vehicle
+from skyarm.vehicle.vehicle_records import WITHOUT_MESH, Look, Vehicle
 from skyarm.vehicle.vehicle_tables import vehicle_from
 from skyarm.vehicle.xacro_files import expand_xacro
 from skyarm.vehicle.xml_elements import (
@@ -563,9 +563,7 @@ def looks_of(link: ET.Element, urdf: Path, notes: Notes) -> list[Look]:
             field = f"link[{name}].visual"
             if file is None or file.suffix.lower() != ".stl":
                 why = "is not there" if file is None else "is no .stl"
-                notes.add(
-                    f"a mesh file {why}; it is drawn from its joints", name, "link"
-                )
+                notes.add(f"a mesh file {why}; {WITHOUT_MESH}", name, "link")
                 continue
             try:
                 # a picture that cannot be drawn changes nothing of how the vehicle
@@ -583,7 +581,7 @@ def looks_of(link: ET.Element, urdf: Path, notes: Notes) -> list[Look]:
                 read_corners(file, (x, y, z))
             except ValueError as error:
                 notes.add(
-                    f"a mesh cannot be drawn ({error}); it is drawn from its joints",
+                    f"a mesh cannot be drawn ({error}); {WITHOUT_MESH}",
                     name,
                     "link",
                 )

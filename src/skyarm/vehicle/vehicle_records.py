@@ -55,6 +55,9 @@ sum of both."""
 Rolling = Literal["rotors_sim", "signed"]
 """Forms of the rolling moment: that of RotorS, and by the direction of rotation."""
 
+WITHOUT_MESH = "it is drawn from its joints"
+"""End of a note on a mesh that no picture shows."""
+
 
 def rotation_sense(field: str, value: object) -> int:
     """Convert a rotor's sense of rotation; anything but 1 and -1 raises an error."""
@@ -433,6 +436,13 @@ class Vehicle:
             f"vehicle '{self.name}': {problem}; there are"
             f" {[f.name for f in self.frames] or 'none'}"
         )
+
+    @property
+    def missing_meshes(self) -> tuple[str, ...]:
+        """Notes on meshes that no picture shows: files that are not there, or cannot be
+        drawn.
+        """
+        return tuple(line for line in self.notes if line.endswith(WITHOUT_MESH))
 
     @property
     def tip_cure(self) -> str:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import pytest
 
 import skyarm
-from skyarm.records.files import Fields
+from skyarm.records.files import Fields, unreadable
 from skyarm.records.read_table import record_from
 from skyarm.scenario.scenario_record import Change
+from support.commands import refused
+from support.commands import skyarm as command
 
 FLIGHT = """
 name = "f"
@@ -35,12 +37,34 @@ def wrong(tmp_path, **words):
 
 def test_a_missing_field_is_named_with_the_word_that_may_mean_it(tmp_path):
     assert wrong(tmp_path, duration="duraton").startswith(
-        "duration: is missing; is it 'duraton'? there are "
+        "duration: is missing; did you mean it by 'duraton'? there are "
     )
     assert (
         "rates.contrl = 200: unknown field; did you mean 'control'? allowed: "
         in wrong(tmp_path, control="contrl")
     )
+
+
+def test_a_file_that_is_not_there_is_answered_with_the_nearest_of_its_folder(tmp_path):
+    for name in ("mine.toml", "mien.npz", "b.toml"):
+        (tmp_path / name).write_text("")
+    (tmp_path / "mein.toml").mkdir()
+    said = "did you mean 'mine.toml'? no such file"
+    assert unreadable(tmp_path / "mien.toml") == said
+    # a like suffix is no like name
+    assert unreadable(tmp_path / "x.toml") == "no such file"
+    assert unreadable(tmp_path / "gone" / "mien.toml") == "no such file"
+
+
+def test_commands_propose_the_file_that_may_be_meant(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text("")
+    (tmp_path / "mine.npz").write_text("")
+    for words in (["run"], ["check"], ["show"], ["sweep"], ["plan"], ["compare"]):
+        refused(command(*words, "mien.toml"), "did you mean 'mine.toml'? no such file")
+    for words in (["film", "a.webp"], ["plot", "-o", "a.png"], ["diff", "mine.npz"]):
+        name, *more = words
+        refused(command(name, "mien.npz", *more), "did you mean 'mine.npz'?")
 
 
 def test_a_field_without_a_like_word_is_missing():
@@ -65,7 +89,8 @@ def test_a_field_that_the_record_has_is_not_offered_for_another_that_is_missing(
     with pytest.raises(
         ValueError,
         match=(
-            r"^changes\[0\].at: is missing; is it 'att'\? there are att, path, value$"
+            r"^changes\[0\].at: is missing; did you mean it by 'att'\? there are att,"
+            r" path, value$"
         ),
     ):
         record_from(

@@ -7,11 +7,10 @@ from __future__ import annotations
 import pytest
 
 from skyarm.cli.commands import COMMANDS
-from skyarm.control.catalogue import PRESETS
+from skyarm.control.catalogue import OWN, PRESETS
 from skyarm.records.registry import RegistryError, names, register
 from skyarm.records.registry.plugins import load_plugin
 from skyarm.records.registry.shipped import RESERVED, SHIPPED
-from skyarm.studies.compare.own_scenario import OWN
 from support.components import registry_kept
 
 

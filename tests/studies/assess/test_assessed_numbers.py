@@ -28,7 +28,7 @@ from skyarm.studies.assess.assessment import (
 from skyarm.studies.assess.finding import Finding
 from skyarm.studies.assess.flight_loads import flight_parts
 from skyarm.studies.assess.joints import effort_limits
-from skyarm.studies.assess.layout import rotor_layout
+from skyarm.studies.assess.layout import rotor_layout, senses_of_rotation
 from skyarm.studies.assess.thrust import ENOUGH, locked_inertia
 
 ARM2, HUMMINGBIRD = (
@@ -143,6 +143,22 @@ def test_the_flipped_rotor_is_named_where_one_alone_explains_it():
         if f.level == "fault"
     ]
     assert "rotors[rotor2].direction" in found.field
+    # other rotors turned round would balance it as well, so no cure names one
+    assert found.remedy == (
+        "look at the vehicle, which is wrong and to turn round:"
+        " rotors[rotor1].direction, or rotors[rotor2].direction, or"
+        " rotors[rotor3].direction, or rotors[rotor5].direction"
+    )
+
+
+def test_the_only_rotor_that_explains_an_uneven_hover_is_told_with_its_cure():
+    rotors = list(HUMMINGBIRD.rotors)
+    rotors[1] = dataclasses.replace(rotors[1], direction=-rotors[1].direction)
+    turned = dataclasses.replace(HUMMINGBIRD, rotors=tuple(rotors))
+    found = senses_of_rotation(turned, 9.81)
+    assert found.remedy == (
+        'turn round rotors[left].direction: [[rotors]] name = "left", direction = "ccw"'
+    )
 
 
 def test_poses_lie_within_the_limits():

@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from skyarm.studies.compare.suite import PAPER_CASES
 from skyarm.view.film import recording, video_files
 from skyarm.view.film.make_film import FilmSettings, make_film
 from skyarm.view.picture import offscreen
+from support.commands import skyarm as skyarm_command
 from support.pictures import flight, needs_display, why_no_pictures
 
 SMALL = ("--size", "160x120", "--fps", "10")
@@ -287,3 +289,44 @@ def test_a_film_that_is_cut_off_leaves_nothing(tmp_path: Path) -> None:
     assert (work / "a.mp4").read_bytes() == b"earlier"
     assert [path.name for path in work.iterdir()] == ["a.mp4"]
     assert list(scratch.rglob("film.mp4")) == []
+
+
+@needs_display
+def test_flights_have_labels_as_in_a_plot(
+    film: Film, log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = list[list[str] | None]()
+
+    def note(_logs: object, path: Path, *_: object, **more: Any) -> Path:
+        drawn.append(more["labels"])
+        path.write_bytes(b"film")
+        return path
+
+    monkeypatch.setattr("skyarm.cli.film_command.write_film", note)
+    assert film(f"first={log}", log, "made.webp")[0] == 0
+    assert (
+        film("gust=case3", "made.webp", "--laws", "own,paper_pd", "--window", 0, 0.1)[0]
+        == 0
+    )
+    assert drawn[0] is not None
+    assert drawn[0][0] == "first"
+    assert drawn[1] == ["gust, own", "gust, paper_pd"]
+    twice = film(f"first={log}", f"first={log}", "made.webp")
+    assert (twice[0], "must have another name" in twice[2]) == (2, True)
+    both = film(f"first={log}", "made.webp", "--label", "a")
+    assert (both[0], "--label: must be left out" in both[2]) == (2, True)
+
+
+@needs_display
+def test_a_log_is_filmed_without_the_plugin_of_its_law(tmp_path: Path) -> None:
+    assert skyarm_command("new", "law", "own_tilt", "--out", str(tmp_path)).code == 0
+    flown = tmp_path / "flown.npz"
+    words = ["case1", "--laws", f"{tmp_path / 'own_tilt.py'}:make", "--duration", "0.1"]
+    # in a process of its own, so that the plugin is not loaded here
+    subprocess.run(
+        [sys.executable, "-m", "skyarm", "run", *words, "--log", flown], check=True
+    )
+    with pytest.raises(ValueError, match="is not loaded"):
+        _ = skyarm.load_log(flown).scenario
+    made = skyarm.film(flown, tmp_path / "made.webp", width=160, height=120)
+    assert made.stat().st_size > 0

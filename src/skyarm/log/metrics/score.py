@@ -18,7 +18,7 @@ from skyarm.compile.tracing.program import trace_loop
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.flight_log import PIECE, Log, rows_of
-from skyarm.log.flown_scenario import restored_at
+from skyarm.log.flown_scenario import restored_at, written_at
 from skyarm.log.formats import as_log
 from skyarm.log.log_columns import names_of
 from skyarm.log.metrics.accumulate import (
@@ -292,11 +292,11 @@ def wanted_push(log: Log) -> tuple[Array, ...]:
     Raises:
         ValueError: as of :attr:`skyarm.Log.scenario`.
     """
-    push = (
-        log.scenario.agent.reference.push if log.info.get("scenario_record") else None
-    )
-    if push is None:
+    path = "reference.push"
+    if written_at(log.info, path) is None:
         return ()
+    # the reference alone, which needs no plugin of the law
+    push = restored_at(log.info, path) or log.scenario.agent.reference.push
     # the push is planned over the time of the path
     times = log.path_time if log.path_time.size else log.time
     program = trace(lambda t: tuple(push.at(t)), 0.0)

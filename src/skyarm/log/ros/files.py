@@ -107,7 +107,8 @@ def read_mcap(path: Path) -> Log:
         )
     except Exception:  # a forged record fails as its reader does
         raise ValueError(
-            f"{name}: must be a whole MCAP file that skyarm wrote"
+            f"{name}: must be a whole MCAP file that skyarm wrote;"
+            " 'skyarm run SCENARIO --log FILE' writes one"
         ) from None
     return log_from_npz(flight, name)
 

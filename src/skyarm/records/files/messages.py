@@ -87,8 +87,14 @@ def did_you_mean(word: object, known: Iterable[str]) -> str:
     """Suggestion at the start of a message, such as ``did you mean 'case3'? ``; empty
     if no name is similar.
     """
-    if not isinstance(word, str):
-        return ""
+    near = most_similar(word, known) if isinstance(word, str) else ""
+    return f"did you mean {near!r}? " if near else ""
+
+
+def most_similar(word: str, known: Iterable[str]) -> str:
+    """Name that is spelt most similarly to a word and is not the word itself; empty if
+    no name is similar.
+    """
     names = [name for name in known if name != word]
     near = difflib.get_close_matches(word, names, n=1, cutoff=LIKE)
     if not near:
@@ -98,7 +104,7 @@ def did_you_mean(word: object, known: Iterable[str]) -> str:
             lower[each]
             for each in difflib.get_close_matches(word.lower(), lower, n=1, cutoff=LIKE)
         ]
-    return f"did you mean {near[0]!r}? " if near else ""
+    return near[0] if near else ""
 
 
 def nearest(word: object, known: Iterable[str]) -> list[str]:

@@ -9,11 +9,13 @@ import os
 import stat
 from collections.abc import Mapping, Sequence
 from importlib.resources.abc import Traversable
+from itertools import islice
 from pathlib import Path
 
 from skyarm.records.files.messages import (
     did_you_mean,
     errors_as,
+    most_similar,
     must_be_one_of,
     printable,
     shown,
@@ -50,7 +52,9 @@ def unreadable(path: Path) -> str:
     try:
         status = os.stat(path)
     except OSError as error:
-        return NO_FILE if error.errno in NOT_THERE else error.strerror or str(error)
+        if error.errno in NOT_THERE:
+            return f"{near_file(path)}{NO_FILE}"
+        return error.strerror or str(error)
     except ValueError:  # a NUL in it
         return NO_FILE
     if stat.S_ISDIR(status.st_mode):
@@ -60,6 +64,27 @@ def unreadable(path: Path) -> str:
         return NO_FILE
     note_input(path)
     return ""
+
+
+MOST_FILES = 1000
+"""Largest number of entries of a folder that are compared with a misspelt file name."""
+
+
+def near_file(path: Path) -> str:
+    """Suggestion at the start of a message about a file that is not there: the file of
+    that folder and suffix with the most similar name; empty if there is none.
+    """
+    try:
+        there = {
+            each.stem: each.name
+            for each in islice(path.parent.iterdir(), MOST_FILES)
+            if each.suffix.lower() == path.suffix.lower() and each.is_file()
+        }
+    except (OSError, ValueError):
+        return ""
+    # stems alone: a suffix that both have makes short names alike
+    near = most_similar(path.stem, there)
+    return f"did you mean {shown(there[near])}? " if near else ""
 
 
 def require_file(path: PathLike, at: str) -> None:

@@ -346,6 +346,10 @@ def assess_scenario(
     return replace(first, name=scenario.name, findings=tuple(shared), agents=agents)
 
 
+MESHES = "meshes"
+"""Name of the question about files of the vehicle's drawing."""
+
+
 def _vehicle_findings(poses: ArmPoses, payload: float, file: str) -> list[Finding]:
     """Results of all checks of a vehicle; without rotors a fault replaces those of
     thrust.
@@ -386,7 +390,12 @@ def _vehicle_findings(poses: ArmPoses, payload: float, file: str) -> list[Findin
         for loaded in loads
         for each in time_aloft(loaded.vehicle, gravity, loaded.held)
     ]
-    return [*findings, *arm_workspace(poses), *endurance]
+    return [*findings, *arm_workspace(poses), *endurance, *_meshes(vehicle)]
+
+
+def _meshes(vehicle: Vehicle) -> list[Finding]:
+    """Notes on mesh files that no picture of the vehicle can show."""
+    return [Finding(MESHES, NOTE, line) for line in vehicle.missing_meshes]
 
 
 def _refused_by_plant(vehicle: Vehicle) -> list[Finding]:

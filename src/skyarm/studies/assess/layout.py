@@ -228,12 +228,17 @@ def thrust_number(rotor: Rotor, radius: float) -> float:
     return float(rotor.thrust_coefficient) * turns / (AIR * (2.0 * radius) ** 4)
 
 
+MOST_CHOICES = 12
+"""Largest number of rotors, or pairs of them, among which a remedy lets choose."""
+
+
 def senses_of_rotation(vehicle: Vehicle, gravity: float) -> Finding:
     """Check result for the rotors' senses of rotation: a fault if reversing one rotor
     would balance the hover.
 
     Of rotors that lack torque about an axis two are reversed as well, as where one side
-    turns against the other.
+    turns against the other. Where other rotors would balance it as well, the remedy
+    names none of them alone: numbers cannot tell which of them the file states wrongly.
     """
     own = _spread(vehicle, gravity)
     question = "senses of rotation"
@@ -250,26 +255,33 @@ def senses_of_rotation(vehicle: Vehicle, gravity: float) -> Finding:
                 for spread, turned in zip(tried, turns, strict=True)
                 if spread <= best + 0.01
             ]
-            either = alike if count == 1 else alike[:1]
-            others = "one rotor" if count == 1 else "two rotors"
-            fields = ", ".join(
-                f"rotors[{rotor.name}].direction"
-                for turned in either
-                for rotor in turned
-            )
+            # in the order of the vehicle; a rotor may be one of several pairs
+            among = [each for each in vehicle.rotors if any(each in t for t in alike)]
+            fields = ", ".join(f"rotors[{each.name}].direction" for each in among)
+            words = "one rotor" if count == 1 else "two rotors"
             text = (
                 f"hover is uneven (spread {own:.2g} of the mean) and would be even with"
-                f" another sense of {others}"
+                f" another sense of {words}"
             )
-            tables = (
-                f'name = "{each.name}", direction ='
-                f' "{"cw" if each.direction > 0 else "ccw"}"'
-                for each in either[0]
-            )
-            remedy = (
-                f"turn round {'one of ' * (len(either) > 1)}{fields}: [[rotors]]"
-                f" {', [[rotors]] '.join(tables)}"
-            )
+            if len(alike) > 1:
+                choices = [
+                    " and ".join(f"rotors[{each.name}].direction" for each in turned)
+                    for turned in alike[:MOST_CHOICES]
+                ]
+                remedy = (
+                    "look at the vehicle, which is wrong and to turn round:"
+                    f" {', or '.join(choices)}"
+                    f"{' ...' * (len(alike) > MOST_CHOICES)}"
+                )
+            else:
+                tables = (
+                    f'name = "{each.name}", direction ='
+                    f' "{"cw" if each.direction > 0 else "ccw"}"'
+                    for each in among
+                )
+                remedy = (
+                    f"turn round {fields}: [[rotors]] {', [[rotors]] '.join(tables)}"
+                )
             return Finding(
                 question,
                 FAULT,

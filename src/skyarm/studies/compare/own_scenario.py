@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from itertools import chain
 
-from skyarm.control.catalogue import require_different
+from skyarm.control.catalogue import OWN, require_different
 from skyarm.log.metrics.metric_catalogue import GRASPS, metric_words
 from skyarm.log.team_log import WITHIN
 from skyarm.records.files import PathLike
@@ -25,9 +25,6 @@ from skyarm.studies.compare.run_suite import Refused, SummarySuite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.trial.table import COLUMNS, TableColumn, refusals, report_of
 from skyarm.view.pages import Report, Section, table_of
-
-OWN = "own"
-"""Name of the scenario's own law, which flies first."""
 
 LAWS = (OWN, "paper_pd", "paper_ct", "centroidal_tip")
 """Default laws."""
@@ -48,9 +45,9 @@ class GivenFlights(CellFlights):
         """Scenario of the user, in which the compared controller replaces the
         scenario's own controller.
         """
-        law = None if self.entrant.name == OWN else self.entrant.law
         return dataclasses.replace(
-            as_scenario(self.given, law).with_kind(self.plant), seed=self.seed
+            as_scenario(self.given, self.entrant.law).with_kind(self.plant),
+            seed=self.seed,
         )
 
 

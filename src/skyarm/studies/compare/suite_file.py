@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from skyarm.control.catalogue import OWN
 from skyarm.control.controller import ControllerError
 from skyarm.log.metrics.metric_catalogue import (
     GROUPS,
@@ -57,7 +58,7 @@ from skyarm.studies.compare.cell_flights import (
     TrialFlights,
 )
 from skyarm.studies.compare.entrants import Entrant, chosen_laws
-from skyarm.studies.compare.own_scenario import OWN, has_chance
+from skyarm.studies.compare.own_scenario import has_chance
 from skyarm.studies.compare.run_suite import Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.flights import Work

@@ -4,8 +4,8 @@ A file has ``schema = 1`` and::
 
     name, title      of the study
     scenario         name of a shipped scenario, or the path of a file beside this one
-    controllers      presets that fly the same draws; left out: the scenario's own
-                     controller
+    controllers      presets or laws that fly the same draws; "own", or left out: the
+                     scenario's own controller with its options
     duration         s, in place of the scenario's
     episodes         how many; in a grid design a multiple of its cells, or left out:
                      one a cell
@@ -39,7 +39,7 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
-from skyarm.control.catalogue import require_different
+from skyarm.control.catalogue import OWN, require_different
 from skyarm.log.metrics.metric_catalogue import row_names
 from skyarm.log.metrics.windows import Windows
 from skyarm.records.files import (
@@ -285,9 +285,9 @@ def _scenarios(
     for controller in controllers:
         scenario = load_scenario(file, controller=controller, duration=duration)
         # a law may leave changes out, and so number the others anew
-        if (
-            any(path.startswith("changes.") for path in paths)
-            and controller is not None
+        if any(path.startswith("changes.") for path in paths) and controller not in (
+            None,
+            OWN,
         ):
             _require_numbered_alike(scenario, load_scenario(file, duration=duration))
         scenarios[controller or scenario.law_names] = _ready(scenario, paths, derived)

@@ -20,6 +20,7 @@ from skyarm.reference.tip_motion import TipPush
 from skyarm.view.figures.flight_facts import (
     applied_force,
     desired_push,
+    drawn_scenario,
     end_time,
     flight_labels,
     vehicle_logs,
@@ -109,7 +110,7 @@ def _resample(
     log: Log, label: str, color: Color, times: Array, number: int
 ) -> FilmedFlight:
     """Resample a log of one vehicle at a film's frames, without a scene."""
-    agent = log.scenario.agent
+    agent = drawn_scenario(log).agent
     now: dict[str, Any] = {
         field: read(log.time, getattr(log, name), times) for field, name in READ.items()
     }
@@ -145,7 +146,7 @@ def _with_scenes(team: Sequence[FilmedFlight], log: Log) -> Iterator[FilmedFligh
     """
     around = np.mean(np.concatenate([each.desired_tip for each in team]), axis=0)
     patch = patch_about(np.concatenate([each.tip for each in team]))
-    scenario = log.scenario
+    scenario = drawn_scenario(log)
     agents = {
         name: replace(each, name=name, around=around, patch=patch)
         for name, each in zip(scenario.agents, team, strict=True)

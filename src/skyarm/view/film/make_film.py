@@ -15,7 +15,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import PathLike, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit, nonnegative, units
-from skyarm.view.figures.flight_facts import end_time
+from skyarm.view.figures.flight_facts import drawn_scenario, end_time
 from skyarm.view.film.camera_paths import CAMERAS
 from skyarm.view.film.captions import Captions, FrameLayout, frame_layout
 from skyarm.view.film.filmed_flight import FilmedFlight, film_flights
@@ -180,7 +180,7 @@ def _with_title(settings: FilmSettings, logs: Sequence[Log]) -> FilmSettings:
     if settings.title is not None:
         return settings
     scenarios = dict.fromkeys(
-        str(log.scenario.title or log.info["scenario"]) for log in logs
+        str(drawn_scenario(log).title or log.info["scenario"]) for log in logs
     )
     return replace(settings, title=", ".join(scenarios))
 

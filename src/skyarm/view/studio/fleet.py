@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from skyarm.control.catalogue import AUTOPILOTS, every_name
+from skyarm.control.catalogue import AUTOPILOTS, OWN, every_name
 from skyarm.log.formats import save_log
 from skyarm.records.files import require_writable, shown
 from skyarm.records.path_names import agent_of, word_of
@@ -155,7 +155,7 @@ class Fleet(Clock):
 
     def make_flight(self, law: str | None) -> Flight:
         """Create a flight under a controller; compiling it takes a while."""
-        return Flight(law, self.under(law))
+        return Flight(None if law == OWN else law, self.under(law))
 
     @property
     def rate(self) -> int:
@@ -308,8 +308,8 @@ class Fleet(Clock):
 
 
 def law_names() -> list[str]:
-    """Names of all controllers, as in a scenario file."""
-    return [*every_name(), *AUTOPILOTS]
+    """Names of all controllers: "own" of the scenario's, and as in its file."""
+    return [OWN, *every_name(), *AUTOPILOTS]
 
 
 def open_fleet(source: str, laws: Sequence[str]) -> Fleet:

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from skyarm.control.catalogue import OWN
 from skyarm.scenario.scenario_file import list_scenarios
 from skyarm.view.studio.controls import (
     Chart,
@@ -148,8 +149,7 @@ class Page(PageLoop):
         self._turn = 0
         self._due = list[int]()
         self._picture: FleetPicture = FleetPicture(server)
-        own = self.fleet.scenario.law_names
-        self._controls = Controls(server.gui, self, [law or own for law in laws])
+        self._controls = Controls(server.gui, self, [law or OWN for law in laws])
         self._panels: list[tuple[int | None, KnobPanel]] = []
         self._charts: list[Chart[PlottedInstant]] = []
         self._begin(self.fleet, laws)
