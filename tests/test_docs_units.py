@@ -40,9 +40,7 @@ def words_of(kind: type) -> list[str]:
     return [unit.unit for name, unit in units(kind).items() if name != "jump"]
 
 
-def test_the_keys_of_joints_that_change_are_those_between_the_two_that_the_page_names() -> (
-    None
-):
+def test_the_keys_that_change_a_joint_are_those_from_lower_to_stop_damping() -> None:
     rows = [row[0].strip("`") for row in cells_of(made("vehicle joint"))]
     placed = {"name", "kind", "axis", "position", "rotation"}
     changed = [name for name in units(Joint) if name not in placed]
