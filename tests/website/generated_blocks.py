@@ -603,7 +603,6 @@ def _short_entry(cells: Sequence[str]) -> Sequence[str]:
 
 VEHICLE_PARTS: dict[str, tuple[type, tuple[str, ...]]] = {
     "joint": (Joint, ("name", "axis", "position", "rotation")),
-    "joints": (Joint, ("name", "kind", "axis", "position", "rotation")),
     "body": (Body, ("inertia",)),
     "rotors": (Rotor, ("name", "position", "direction")),
     "tilt": (Tilt, ()),
@@ -621,9 +620,7 @@ def vehicle_block(part: str) -> str:
     kind, left_out = VEHICLE_PARTS.get(part, (None, ()))
     for name in declared_fields(kind) if kind else ():
         if kind is not None and name not in left_out:
-            row = field_row(kind, name, {"table": "thrust_table"}.get(name, ""))
-            unchanged = part == "joints"
-            rows.append((*row[:2], "unchanged" if unchanged else row[2], *row[3:]))
+            rows.append(field_row(kind, name, {"table": "thrust_table"}.get(name, "")))
     assert rows, f"no table {part}"
     return table(FIELD_HEADS, required_first(rows))
 
@@ -634,7 +631,7 @@ def imports_block(*forms: str) -> str:
     assert rows, f"nothing is read from {forms}"
     several = len(forms) > 1
     return table(
-        (*(("form",) if several else ()), "in the file", "read as"),
+        (*(("form",) if several else ()), "in the file", "read as", "gaps"),
         [row if several else row[1:] for row in rows],
     )
 
