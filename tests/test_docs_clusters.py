@@ -30,8 +30,9 @@ ONE, TWO, CLOUD = (
     text for language, title, text in BLOCKS if language == "bash" and not title
 )
 (PYTHON,) = (text for language, _, text in BLOCKS if language == "python")
-(YAML,) = (text for language, _, text in BLOCKS if language == "yaml")
+YAML = (DOCS.parent / "examples" / "files" / "cluster.yaml").read_text("utf-8")
 JOBS = {title: text for language, title, text in BLOCKS if language == "bash" and title}
+JOBS["sweep.sbatch"] = (DOCS.parent / "examples/files/sweep.sbatch").read_text("utf-8")
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="scripts of a POSIX shell")
 

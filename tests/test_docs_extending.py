@@ -24,8 +24,10 @@ import pytest
 import skyarm
 from shown_commands import run_command
 from skyarm.algebra import scalars
+from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.log.metrics.metric import MetricInstant
+from skyarm.records.leaves import leaves
 from skyarm.records.registry import KINDS, plugins
 from skyarm.records.registry.contract import CONTRACTS
 from skyarm.records.registry.plugins import load_plugin
@@ -365,8 +367,16 @@ def test_the_law_shown_by_itself_is_compiled_and_a_thousand_times_faster(
     *_, shown = blocks((ROOT / "docs" / "python_api.md").read_text("utf-8"), "python")
     names = {"skyarm": skyarm}
     exec(compile(shown, "python_api.md", "exec"), names)
-    assert capsys.readouterr().out == "True\n"
-    law, inputs, quick = names["law"], names["inputs"], names["quick"]
+    assert capsys.readouterr().out == "4\n"
+    law, inputs = names["law"], names["inputs"]
+
+    def once(memory: Any, *given: Any) -> Any:
+        return law.law(memory, *given, 0.005, par=law.par)
+
+    quick = Quick(once, law.memory, *inputs)
+    quick.inputs[:] = leaves((law.memory, *inputs))
+    quick.step()
+    assert quick.shaped() == (names["memory"], names["command"])
 
     def least(call: Any, times: int) -> float:
         return min(timeit.repeat(call, number=times, repeat=3)) / times

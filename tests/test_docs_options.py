@@ -154,15 +154,13 @@ def test_numbers_on_the_page_of_the_centroidal_law_are_those_that_it_has():
     assert f"{FRICTION:g} 1/s is the rate of the damping" in text
 
 
-def test_the_centroidal_law_shown_is_made():
+def test_the_centroidal_law_shown_flies_as_its_comment_says(capsys):
     text = (DOCS / "centroidal_law.md").read_text("utf-8")
     code, *_ = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     names = {}
     exec(compile(code, "centroidal_law.md", "exec"), names)
-    assert (names["controller"].name, names["controller"].par.delay_periods) == (
-        "centroidal_tip",
-        1,
-    )
+    assert capsys.readouterr().out == code.rpartition("  # ")[2]
+    assert names["controller"].par.delay_periods == 0
 
 
 def test_a_scenario_tells_the_laws_its_clocks_and_its_delay():

@@ -83,12 +83,12 @@ def test_every_kind_stands_on_the_page() -> None:
     assert all(suffix.upper() in PAGE for suffix in SUFFIXES)
 
 
-def test_the_derived_numbers_of_the_page_on_sweeps_are_a_study() -> None:
+def test_the_derived_numbers_of_the_page_on_study_files_are_a_study() -> None:
     import tomllib
 
     from skyarm.studies.sweep import study_from
 
-    text = (DOCS / "sweeps.md").read_text("utf-8")
+    text = (DOCS / "study_files.md").read_text("utf-8")
     tables = [
         block
         for block in re.findall(r"```toml\n(.*?)```", text, re.DOTALL)

@@ -31,7 +31,6 @@ DESCRIBED = {
     "drag": BodyDrag,
     "body": Body,
     "tilt": Tilt,
-    "joints": Joint,
 }
 """Block of the page on vehicle files -> record."""
 
@@ -39,6 +38,13 @@ DESCRIBED = {
 def words_of(kind: type) -> list[str]:
     """Units of a record's fields; the observer's threshold of leaps is no option."""
     return [unit.unit for name, unit in units(kind).items() if name != "jump"]
+
+
+def test_the_keys_that_change_a_joint_are_those_from_lower_to_stop_damping() -> None:
+    rows = [row[0].strip("`") for row in cells_of(made("vehicle joint"))]
+    placed = {"name", "kind", "axis", "position", "rotation"}
+    changed = [name for name in units(Joint) if name not in placed]
+    assert rows[rows.index("lower") : rows.index("stop_damping") + 1] == changed
 
 
 @pytest.mark.parametrize("block", DESCRIBED)

@@ -239,24 +239,12 @@ def test_a_grip_is_kept_moved_and_read():
     assert GRASP in trajectory.switch_times()
 
 
-def test_the_table_on_the_page_is_that_of_a_grip():
-    page = Path(__file__).resolve().parents[2] / "docs" / "comply.md"
-    (text,) = re.findall(
-        r"```toml\n([^`]*?grip = .*?)```", page.read_text("utf-8"), re.DOTALL
-    )
-    push = push_from(tomllib.loads(text)["reference"]["push"], "reference.push")
-    assert [push.at(t)[5] for t in (0.9, 1.0)] == [0.0, 1.0]
-    assert push.at(1.0)[6:] == (0.5, 0.8, 1.27, 0.0, 0.0, 1.0)
-
-
 def test_the_slide_on_the_page_is_that_of_the_example():
     root = Path(__file__).resolve().parents[2]
-    (text,) = re.findall(
-        r"```toml\n(\[reference\.base\][^`]*)```",
-        (root / "docs/pressing.md").read_text("utf-8"),
-        re.DOTALL,
-    )
-    assert text in (root / "examples/press_and_slide.toml").read_text("utf-8")
+    page = (root / "docs/pressing.md").read_text("utf-8")
+    (text,) = re.findall(r"```toml\n([^`]*)```", page)
+    example = (root / "examples/press_and_slide.toml").read_text("utf-8")
+    assert tomllib.loads(text)["base"] == tomllib.loads(example)["reference"]["base"]
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Limits that are left out are those of the table in docs/scenario_reference.md, for
+"""Limits that are left out are those of the table in docs/scenario_safety.md, for
 turning and for sliding joints.
 """
 

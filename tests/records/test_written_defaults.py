@@ -179,15 +179,15 @@ PAGES: list[tuple[str, str, str, Tables]] = [
         tables(initial={"position": [0.0, 0.0, 2.0]}),
     ),
     ("scenario_reference", f"{WORDS} reference +", "reference", tables()),
-    ("scenario_reference", f"{SAFETY}joint_speed", "controller.safety", safe()),
+    ("scenario_safety", f"{SAFETY}joint_speed", "controller.safety", safe()),
     (
-        "scenario_reference",
+        "scenario_safety",
         f"{SAFETY}tilt -climb -speed -step -step_speed -stiffness -damping -t",
         "controller.safety",
         safe(),
     ),
     (
-        "scenario_reference",
+        "scenario_safety",
         f"{SAFETY}tilt -climb -speed -step -step_speed -stiffness -damping -j",
         "controller.safety",
         safe(),
@@ -388,6 +388,7 @@ def literal(cell: str, kind: str) -> Any:
     """Default of a page's cell as a file has it; None for one in words. A vector's
     number is three, of joints two.
     """
+    cell = re.sub(r" \(\d+ degrees\)$", "", cell)
     try:
         value = tomllib.loads(f"x = {cell.strip('`')}")["x"]
     except tomllib.TOMLDecodeError:

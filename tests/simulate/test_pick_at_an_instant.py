@@ -42,8 +42,14 @@ def test_the_tip_is_there_when_it_picks_and_when_it_places(plant, told):
 
 def test_the_tables_of_the_page_disturb_one_flight():
     """Those of its sections, added to its first file."""
-    tables = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
-    assert len(tables) == 4
+    wind, *tables = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+    assert len(tables) == 5
+    hanging = tables.pop(3)
+    for name, table in {"gusts": wind, "pick_and_place": hanging}.items():
+        document = tomllib.loads(FILES[name]) | {"duration": 0.5}
+        (key,) = told = tomllib.loads(table)
+        document[key] = told[key]
+        assert skyarm.run(scenario_from(document)).time.size == 100
     scenario = scenario_from(tomllib.loads("\n".join([FILES["gusts"], *tables])))
     log = skyarm.run(scenario)
     assert log.status == "completed"

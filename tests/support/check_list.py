@@ -270,8 +270,8 @@ CHECKS: tuple[Check, ...] = (
         SCENARIO,
         "steps of the reference",
         "warning",
-        "largest step of the velocity of the reference's base, at the start from that"
-        f" of the vehicle; warning above {BLOW:g} m/s, from where it is as hard as a"
+        "largest step of the base velocity of the reference, also from the vehicle's"
+        f" velocity at the start; warning above {BLOW:g} m/s, which is as hard as a"
         " blow",
         "a motion that begins at rest, or an initial velocity",
     ),
@@ -353,8 +353,8 @@ CHECKS: tuple[Check, ...] = (
         SCENARIO,
         "yaw while pressing",
         "ok, warning",
-        "yaw torque of pushing and sliding, over that of the rotors; warning above"
-        f" {HALF:g}",
+        "yaw torque of pushing and sliding over the yaw torque of the rotors; warning"
+        f" above {HALF:g}",
         "less force, or a shorter reach",
     ),
     Check(

@@ -306,6 +306,21 @@ def either(entry: str) -> str:
     )
 
 
+def with_degrees(cell: str, unit: str) -> str:
+    """Default with its degrees, where these are a round number and its radians are
+    not.
+    """
+    found = re.fullmatch(r"`(\d\.\d{9,})`", cell)
+    if not found or not unit.startswith("rad"):
+        return cell
+    degrees = math.degrees(float(found[1]))
+    return (
+        f"{cell} ({degrees:.0f} degrees)"
+        if abs(degrees - round(degrees)) < 1e-9
+        else cell
+    )
+
+
 def choices(entry: str) -> str:
     """Texts that an entry may be, if it is a choice of few."""
     quoted = re.findall(r"'([^']*)'", entry)
@@ -340,7 +355,7 @@ def field_row(kind: type, name: str, word: str = "") -> Sequence[str]:
     return (
         f"`{word or words_of_fields(kind).get(name, name)}`",
         typed(either(entry), unit.unit),
-        coded(default, whole=True),
+        with_degrees(coded(default, whole=True), unit.unit),
         coded(text.allowed) or choices(entry) or bounds(unit),
         text.meaning or unit.meaning,
         text.effect or unit.effect,
@@ -420,7 +435,7 @@ def grammar_row(row: GrammarRow, prefix: str) -> Sequence[str]:
             .replace(SIGNAL, "signal"),
             row.unit,
         ).replace("list of signal,", "list of signals,"),
-        coded(row.default, whole=True),
+        with_degrees(coded(row.default, whole=True), row.unit),
         coded(allowed),
         row.meaning,
         row.effect,
@@ -588,7 +603,6 @@ def _short_entry(cells: Sequence[str]) -> Sequence[str]:
 
 VEHICLE_PARTS: dict[str, tuple[type, tuple[str, ...]]] = {
     "joint": (Joint, ("name", "axis", "position", "rotation")),
-    "joints": (Joint, ("name", "kind", "axis", "position", "rotation")),
     "body": (Body, ("inertia",)),
     "rotors": (Rotor, ("name", "position", "direction")),
     "tilt": (Tilt, ()),
@@ -606,9 +620,7 @@ def vehicle_block(part: str) -> str:
     kind, left_out = VEHICLE_PARTS.get(part, (None, ()))
     for name in declared_fields(kind) if kind else ():
         if kind is not None and name not in left_out:
-            row = field_row(kind, name, {"table": "thrust_table"}.get(name, ""))
-            unchanged = part == "joints"
-            rows.append((*row[:2], "unchanged" if unchanged else row[2], *row[3:]))
+            rows.append(field_row(kind, name, {"table": "thrust_table"}.get(name, "")))
     assert rows, f"no table {part}"
     return table(FIELD_HEADS, required_first(rows))
 
@@ -619,7 +631,7 @@ def imports_block(*forms: str) -> str:
     assert rows, f"nothing is read from {forms}"
     several = len(forms) > 1
     return table(
-        (*(("form",) if several else ()), "in the file", "read as"),
+        (*(("form",) if several else ()), "in the file", "read as", "gaps"),
         [row if several else row[1:] for row in rows],
     )
 

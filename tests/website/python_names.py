@@ -82,7 +82,7 @@ CLASSES = {
     "flights": {
         "Scenario": "scenario_files.md",
         "Session": "python_api.md",
-        "Batch": "sweeps.md",
+        "Batch": "python_api.md",
         "Log": "log_arrays.md",
         "Windows": "metrics.md",
         "Rates": "scenario_files.md",

@@ -36,9 +36,18 @@ def prepared(name: str) -> dict[str, str]:
             Path(skyarm.__file__).parent / "cli/starters/law.py.txt"
         ).read_text("utf-8")
     for example in re.findall(
-        r"[ \"](examples/(?:\w+\.(?:urdf|py)|loads_and_gusts\.toml))", PAGES[name]
+        r"[ \"](examples/(?:\w+\.(?:urdf|py)|loads_and_gusts\.toml)"
+        r"|examples/pick_and_place_box\.toml(?=\"))",
+        PAGES[name],
     ):
         files[example] = (ROOT / example).read_text("utf-8")
+    if name == "pressing.md":  # the reader makes it
+        press, lines = (
+            block.text for block in blocks(PAGES[name]) if block.language == "toml"
+        )
+        files["slide.toml"] = press.replace(
+            "duration = 5.0", "duration = 12.0"
+        ).replace('base = { kind = "signals", z = 1.0 }\n', lines)
     if name == "export_c.md":
         files["tuned.toml"] = next(
             block.text

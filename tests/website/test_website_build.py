@@ -69,8 +69,13 @@ def test_the_menu_names_every_page_once_and_no_other() -> None:
         "api/index.md",
     }
     assert set(menu) - made <= here
-    # data pages are linked from the page whose numbers they hold
-    assert {name for name in here if not name.startswith("data/")} <= set(menu)
+    # data pages are linked from the page whose numbers they hold, notebooks from the
+    # page that they belong to
+    linked = {name for name in here if name.startswith(("data/", "notebooks/"))}
+    assert here - linked <= set(menu)
+    texts = "".join(TEXTS.values())
+    for path in (DOCS / "notebooks").glob("*.py"):
+        assert f"](notebooks/{path.name})" in texts, path.name
     assert made <= set(menu)
 
 

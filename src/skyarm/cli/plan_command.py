@@ -43,7 +43,7 @@ def plan(
     ] = None,
     seconds: Annotated[
         float,
-        typer.Option(help="emergency end: without a plan by then there is none, s"),
+        typer.Option(help="longest search, s; after it there is no plan"),
     ] = 600.0,
     force: Force = False,
 ) -> None:

@@ -191,7 +191,7 @@ PRESETS: Mapping[str, Preset] = {
         {"gains": HUMMINGBIRD, "joint_gains": ACCELERATION},
     ),
     "paper_ct_euler": Preset(
-        "the same in the paper's Euler angles, undefined at a pitch of 90 degrees",
+        "`paper_ct` in the paper's Euler angles, undefined at a pitch of 90 degrees",
         "hybrid_computed_torque",
         {"gains": HUMMINGBIRD, "joint_gains": ACCELERATION, "euler": True},
     ),

@@ -224,16 +224,14 @@ class TaskLimits:
     ] = math.inf
     clearance: Annotated[
         float,
-        nonnegative(
-            "m", "least distance from obstacles, and between own bodies that overlapped"
-        ),
+        nonnegative("m", "smallest distance that the plan keeps from obstacles"),
     ] = 0.05
     rotor_lag: Annotated[
         float,
         Unit(
             "",
-            "largest lag of a rotor, over its speed in hover; free durations are as"
-            " long",
+            "how far a rotor's speed may be behind its command, as a fraction of its"
+            " speed in hover",
             low=0.01,
             infinite=True,
         ),

@@ -101,10 +101,13 @@ SIGNALS, MOTIONS = _by_hand("signals"), _by_hand("motions")
 TASKS = _by_hand("tasks")
 """Keys of motions, of studies, suites and other tables that functions read, by kind."""
 
-IMPORTS: tuple[tuple[str, str, str], ...] = tuple(
-    (each["form"], each["found"], each["read"]) for each in _TABLES["imports"]
+IMPORTS: tuple[tuple[str, str, str, str], ...] = tuple(
+    (each["form"], each["found"], each["read"], each.get("gaps", ""))
+    for each in _TABLES["imports"]
 )
-"""Format of a file, what stands there, and how a vehicle has it."""
+"""Format of a file, what stands there, how a vehicle has it, and what the file lacks of
+a rotor.
+"""
 
 PHASES, GUARDS = _by_hand("phases"), _by_hand("until")
 """Keys of the phases of a task by the kinds that have them, and of ``until`` by what

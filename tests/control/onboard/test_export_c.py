@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -417,20 +418,30 @@ def test_the_file_is_c_plus_plus_too(tmp_path):
 
 
 @needs_cc
-def test_the_program_of_the_guide_prints_what_the_guide_shows(tmp_path):
+def test_the_programs_of_the_guide_print_what_the_guide_shows(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
     guide = (Path(__file__).parents[3] / "docs" / "export_c.md").read_text("utf-8")
-    (program,) = re.findall(r"```c title=\"main.c\"\n(.*?)```", guide, re.DOTALL)
-    (shown,) = re.findall(
+    programs = re.findall(r"```c title=\"(\w+).c\"\n(.*?)```", guide, re.DOTALL)
+    shown = re.findall(
         r"^<!-- not printed: of a C compiler.*?\n```text\n(.*?)```", guide, re.M | re.S
     )
-    law = text_of(built("hummingbird_arm2", "paper_ct"), "paper_ct")
-    (tmp_path / "paper_ct.c").write_text(law)
-    objects = [
-        object_file(text, tmp_path, ("-O2", *CAREFUL), name=name)
-        for name, text in (("main", program), ("paper_ct", law))
-    ]
-    run(CC, *objects, "-lm", "-o", tmp_path / "law")
-    assert run(tmp_path / "law") == shown
+    arguments = ["skyarm", "export", "case3", "--to", "c", "-o", "case3.c"]
+    monkeypatch.setattr(sys, "argv", arguments)
+    with pytest.raises(SystemExit) as stop:
+        main()
+    assert stop.value.code == 0
+    examples = Path(__file__).parents[3] / "examples"
+    capsys.readouterr()
+    runpy.run_path(str(examples / "record_for_c.py"))  # writes flown.h
+    assert capsys.readouterr().out == shown[1]
+    law = object_file(Path("case3.c").read_text("ascii"), tmp_path, name="case3")
+    assert [name for name, _ in programs] == ["main", "check"]
+    for (name, program), printed in zip(programs, shown, strict=True):
+        own = object_file(program, tmp_path, ("-O2", *CAREFUL), name=name)
+        run(CC, own, law, "-lm", "-o", tmp_path / name)
+        assert run(tmp_path / name) == printed
 
 
 def test_operations_and_parameters_of_the_table_are_current():

@@ -266,8 +266,8 @@ class Limits:
         float,
         _limit(
             "rad/s^2",
-            "largest rate of the commanded rotor speeds; of tilting rotors, of the"
-            " pairs of fixed ones in their place",
+            "largest rate of the commanded rotor speeds; a tilting rotor counts as two"
+            " fixed rotors",
             effect="lower values spare the motors and delay the thrust",
         ),
     ]

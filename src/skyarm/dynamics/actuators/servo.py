@@ -406,8 +406,7 @@ class PositionServo(Servo):
         Scalar,
         positive(
             "N m/rad or N/m",
-            "torque per position error of the joint; of a loop on voltage its gain"
-            " (V/rad) * stall torque / voltage",
+            "torque per position error of the joint",
             effect=(
                 "higher values hold the joint more tightly and oscillate sooner with"
                 " latency"
@@ -418,8 +417,7 @@ class PositionServo(Servo):
         Scalar,
         nonnegative(
             "N m s/rad or N s/m",
-            "torque per measured rate of the joint; of a loop on voltage its gain"
-            " (V s/rad) * stall torque / voltage + stall torque / no-load speed",
+            "torque per measured rate of the joint",
             effect="higher values damp the joint more and make it slower",
         ),
     ] = 0.0

@@ -64,7 +64,9 @@ class Spread:
     wind: Annotated[
         float,
         Unit(
-            "N", "largest force on the base, from any direction, in place of the mean"
+            "N",
+            "largest constant force of a wind from any direction, which replaces the"
+            " wind of the scenario",
         ),
     ] = 3.0
     delay: Annotated[

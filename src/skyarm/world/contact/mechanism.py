@@ -99,7 +99,8 @@ class Mechanism(Carrier[MechanismMotion]):
         Vec3,
         Unit(
             "m",
-            "centre of mass, mechanism axes; 0 without inertia: that of the body",
+            "centre of mass, mechanism axes; if 0 without inertia, the middle of the"
+            " body",
             folds=True,
         ),
     ] = ZERO3

@@ -226,8 +226,8 @@ class ObjectWrench(Sharing):
         Scalar,
         nonnegative(
             "1/s",
-            "rate at which the error of the body's pose, less that of the tips, shifts"
-            " all tips",
+            "rate at which all tips shift per error of the body's pose that the errors"
+            " of the tips do not explain",
             effect="higher values remove a misplaced grasp sooner and pass more noise",
         ),
     ] = 0.3
@@ -235,8 +235,8 @@ class ObjectWrench(Sharing):
         Scalar,
         nonnegative(
             "",
-            "shift of all tips per error of the body's pose, less that of the tips; of"
-            " ball grasps",
+            "ball grasps: shift of all tips per error of the body's pose that the"
+            " errors of the tips do not explain",
             effect=(
                 "higher values leave less of an error that comes and goes and pass more"
                 " noise"
@@ -259,7 +259,8 @@ class ObjectWrench(Sharing):
         Scalar,
         nonnegative(
             "1/s",
-            "the same rate of the moments between tip and body, of fixed grasps",
+            "fixed grasps: rate at which the observers' estimates of moments between"
+            " tip and body decay",
             effect="higher values leave less moment in a fixed grasp",
         ),
     ] = 10.0
@@ -278,8 +279,7 @@ class ObjectWrench(Sharing):
         Scalar,
         nonnegative(
             "s",
-            "shift of all tips per sideways error of the body's velocity, of bodies on"
-            " cables",
+            "on cables: shift of all tips per sideways error of the body's velocity",
             effect="higher values damp the swing sooner and shift the members more",
         ),
     ] = 0.0

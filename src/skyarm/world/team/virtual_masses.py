@@ -52,14 +52,14 @@ class Member:
     length: Annotated[
         float,
         nonnegative(
-            "m", "supposed length of its cable; left out: that of its grasp", fixed=True
+            "m", "supposed length of its cable; left out: as in its grasp", fixed=True
         ),
     ] = field_if_any(default=0)
     taken: Annotated[
         Vec3 | None,
         Unit(
             "m",
-            "place where the tip really takes hold, if that is another; left out:"
+            "true place of the grasp, if it differs from the supposed one; left out:"
             " place",
         ),
     ] = None
@@ -67,15 +67,15 @@ class Member:
         Scalar,
         nonnegative(
             "",
-            "virtual mass, to which its share of the force is proportional; 0: the load"
-            " that it can bear, on cables 1",
+            "virtual mass, to which its share of the force is proportional; 0: 1 on"
+            " cables, otherwise the load that the member can bear",
         ),
     ] = 0.0
     kind: Annotated[
         str | None,
         Unit(
             "",
-            "supposed kind of the grasp; left out, that of the grasp",
+            "supposed kind of its grasp; left out: the true kind",
             rule=coerce.word_of(KINDS),
         ),
     ] = None
