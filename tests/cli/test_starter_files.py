@@ -229,6 +229,14 @@ def test_numbers_of_a_bare_multirotor_are_refused_where_they_say_nothing(
         (("law", "a", "--rotors", "4"), "--rotors = 4: must be of a vehicle"),
         (("vehicle", "a", "--rotors", "4", "--mass", "0"), "--mass = 0.0: must be"),
         (
+            ("vehicle", "a", "--rotors", "4", "--mass", "1e300"),
+            "--mass = 1e+300: must be within 0.001 to 10000 kg",
+        ),
+        (
+            ("vehicle", "a", "--rotors", "4", "--arm-length", "1e-300"),
+            "--arm-length = 1e-300: must be within 0.01 to 10 m",
+        ),
+        (
             ("vehicle", "a", "--rotors", "4", "--from", "hummingbird"),
             "--rotors = 4: must be of a vehicle without --from",
         ),

@@ -127,7 +127,7 @@ def test_what_was_meant_is_said_of_fields_metrics_and_paths(folder: Path) -> Non
     (folder / "f.toml").write_text(CASE1.replace("duration", "duraton", 1))
     refused(
         skyarm("run", "f.toml"),
-        "f.toml: duration: is missing; did you mean it by 'duraton'? there are ",
+        "f.toml: duration: is missing; is 'duraton' a misspelling of it? there are ",
     )
     (folder / "f.toml").write_text(CASE1 + "\n[sensors]\npositon = 0.1\n")
     refused(skyarm("run", "f.toml"), "positon", "did you mean 'position'? allowed")

@@ -244,7 +244,7 @@ def test_a_preview_reaches_beyond_the_period_of_the_reference_or_is_none():
     for options, least in (({}, 0.16), ({"delay": 0.03, "age": 0.015}, 0.28)):
         words = (
             f"^controller.preview = 0.15: must be 0, or at least {least} s, 8 times the"
-            " reference's period and the delay of commands$"
+            " sum of the reference's period and the delay of commands$"
         )
         with pytest.raises(ControllerError, match=words):
             make_centroidal(MODEL, mode="tip", preview=0.15, **options)

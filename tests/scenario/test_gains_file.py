@@ -92,7 +92,10 @@ def test_a_scenario_names_gains_that_lie_beside_it(tmp_path):
         ),
         (("schema = 1", "schema = 2"), "schema = 2: must be 1"),
         (("[about]", "[abuot]"), "abuot"),
-        (("[law]", "[lawn]"), "law: is missing; did you mean it by 'lawn'? there are"),
+        (
+            ("[law]", "[lawn]"),
+            "law: is missing; is 'lawn' a misspelling of it? there are",
+        ),
         (("schema = 1", "schema = "), "tuned.toml"),
     ],
 )

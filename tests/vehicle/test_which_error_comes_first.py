@@ -107,7 +107,7 @@ def test_a_misspelt_field_is_told_before_the_one_that_is_missing_for_it(
         text = message(placed(WHOLE, where, table))
         place, words = text.split(": ", 1)
         missing = place.split(".")[-1] == old and words.startswith(
-            f"is missing; did you mean it by '{new}'? there are "
+            f"is missing; is '{new}' a misspelling of it? there are "
         )
         assert missing or re.match(
             rf".*{new} = .*: unknown field; (did you mean '\w+'\? )?allowed: ", text

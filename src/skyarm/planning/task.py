@@ -224,7 +224,11 @@ class TaskLimits:
     ] = math.inf
     clearance: Annotated[
         float,
-        nonnegative("m", "smallest distance that the plan keeps from obstacles"),
+        nonnegative(
+            "m",
+            "smallest distance that the plan keeps from obstacles and between own"
+            " bodies",
+        ),
     ] = 0.05
     rotor_lag: Annotated[
         float,

@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from skyarm.records.files import must_be_one_of, number
+from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.files.toml import toml_value
 from skyarm.vehicle.attach import RigidBodies, bodies_of, place_in
 from skyarm.vehicle.check import refuse
@@ -32,6 +32,10 @@ from skyarm.view.pages.markup import render_template
 ROTORS = (4, 6, 8, 10, 12)
 """Numbers of fixed rotors that balance each other when every second one turns the other
 way; three of them cannot hold the yaw."""
+
+ARM_LENGTHS, MASSES = (0.01, 10.0), (0.001, 10_000.0)
+"""Bounds of arm lengths (m) and masses (kg): from a multirotor on a fingertip to one
+that carries a car."""
 
 OF_TILTS = {"lower": -1, "upper": 1, "time_constant": 1}
 """Numbers in place of those that a file lacks of the servo of a tilting rotor."""
@@ -85,8 +89,14 @@ def bare_multirotor(name: str, rotors: int, arm_length: float, mass: float) -> s
     """
     if rotors not in ROTORS:
         raise ValueError(f"--rotors = {rotors}: {must_be_one_of(map(str, ROTORS), '')}")
-    number(arm_length, "--arm-length", low=0.0, strict=True)
-    number(mass, "--mass", low=0.0, strict=True)
+    for value, option, (low, high), unit in (
+        (arm_length, "--arm-length", ARM_LENGTHS, "m"),
+        (mass, "--mass", MASSES, "kg"),
+    ):
+        if not low <= value <= high:
+            raise ValueError(
+                f"{option} = {shown(value)}: must be within {low:g} to {high:g} {unit}"
+            )
     return render_template(
         "vehicle/exported/multirotor.jinja",
         name=name,

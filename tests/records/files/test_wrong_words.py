@@ -37,7 +37,7 @@ def wrong(tmp_path, **words):
 
 def test_a_missing_field_is_named_with_the_word_that_may_mean_it(tmp_path):
     assert wrong(tmp_path, duration="duraton").startswith(
-        "duration: is missing; did you mean it by 'duraton'? there are "
+        "duration: is missing; is 'duraton' a misspelling of it? there are "
     )
     assert (
         "rates.contrl = 200: unknown field; did you mean 'control'? allowed: "
@@ -49,7 +49,8 @@ def test_a_file_that_is_not_there_is_answered_with_the_nearest_of_its_folder(tmp
     for name in ("mine.toml", "mien.npz", "b.toml"):
         (tmp_path / name).write_text("")
     (tmp_path / "mein.toml").mkdir()
-    said = "did you mean 'mine.toml'? no such file"
+    # with its folder, or another file of that name may be meant
+    said = f"did you mean '{tmp_path / 'mine.toml'}'? no such file"
     assert unreadable(tmp_path / "mien.toml") == said
     # a like suffix is no like name
     assert unreadable(tmp_path / "x.toml") == "no such file"
@@ -89,8 +90,8 @@ def test_a_field_that_the_record_has_is_not_offered_for_another_that_is_missing(
     with pytest.raises(
         ValueError,
         match=(
-            r"^changes\[0\].at: is missing; did you mean it by 'att'\? there are att,"
-            r" path, value$"
+            r"^changes\[0\].at: is missing; is 'att' a misspelling of it\? there are"
+            r" att, path, value$"
         ),
     ):
         record_from(

@@ -70,7 +70,7 @@ class Fields:
             ),
             "",
         )
-        there = f"did you mean it by {near!r}? " if near else ""
+        there = f"is {near!r} a misspelling of it? " if near else ""
         there += (
             f"there are {comma_list(sorted(self.table))}"
             if self.table

@@ -86,7 +86,9 @@ def near_file(path: Path) -> str:
         return ""
     # stems alone: a suffix that both have makes short names alike
     near = most_similar(path.stem, there)
-    return f"did you mean {shown(there[near])}? " if near else ""
+    if not near:
+        return ""
+    return f"did you mean {shown(str(path.with_name(there[near])))}? "
 
 
 def require_file(path: PathLike, at: str) -> None:

@@ -66,7 +66,7 @@ class Spread:
         Unit(
             "N",
             "largest constant force of a wind from any direction, which replaces the"
-            " wind of the scenario",
+            " mean force of the scenario's wind; its gusts stay",
         ),
     ] = 3.0
     delay: Annotated[

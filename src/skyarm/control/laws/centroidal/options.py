@@ -159,8 +159,8 @@ def preview_of(
             refuse(
                 "preview",
                 preview,
-                f"0, or at least {least:g} s, {1.0 / SHARES[0]:g} times the reference's"
-                " period and the delay of commands",
+                f"0, or at least {least:g} s, {1.0 / SHARES[0]:g} times the sum of the"
+                " reference's period and the delay of commands",
             )
         # a preview longer than the option allows is not made up: the law flies without
         # one
