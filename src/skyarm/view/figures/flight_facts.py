@@ -89,7 +89,7 @@ def _without_law(info: Info) -> Any:
     """Restore a log's scenario without the constants and functions of its laws; None if
     that fails.
     """
-    written = info.get("scenario_record")
+    written: Any = info.get("scenario_record")
     try:
         if not matches_digest(info, written, info.get("code") or {}):
             return None
