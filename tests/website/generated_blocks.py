@@ -825,15 +825,17 @@ def python_block(kind: str, job: str = "") -> str:
     return table(*(made_by[kind](job) if job else modules_of()))
 
 
-def checks_block(part: str) -> str:
-    """Questions of ``skyarm check``: of a vehicle, or of a scenario."""
-    rows = [
-        (each.question, each.levels, each.looks_at, each.remedy)
-        for each in CHECKS
-        if each.of == part
-    ]
-    assert rows, f"no checks of {part}"
-    return table(("question", "may end as", "what is computed", "usual remedy"), rows)
+def checks_block(group: str) -> str:
+    """Questions of ``skyarm check`` of a group; those that share all else are a row."""
+    named: dict[tuple[str, ...], list[str]] = {}
+    for each in CHECKS:
+        if each.group == group:
+            cells = (each.quantity, each.warning, each.fault, each.remedy)
+            named.setdefault(cells, []).append(each.question)
+    assert named, f"no checks of {group}"
+    rows = [(", ".join(questions), *cells) for cells, questions in named.items()]
+    heads = ("question", "quantity", "warning if", "fault if", "usual remedy")
+    return table(heads, rows)
 
 
 def equations_block(group: str) -> str:
