@@ -838,6 +838,19 @@ def checks_block(group: str) -> str:
     return table(heads, rows)
 
 
+def glossary_block() -> str:
+    """Links to all words of the glossary: headings, and words in italics below them."""
+    place, words = "", dict[str, str]()
+    for line in BLOCK.sub("", (DOCS / "glossary.md").read_text("utf-8")).splitlines():
+        if line.startswith("### "):
+            place = line[4:].lower().replace(" ", "-")
+            words[line[4:].lower()] = place
+        elif place:
+            for word in re.findall(r"(?<!\*)\*([A-Za-z][a-z ]+)\*(?!\*)", line):
+                words.setdefault(word.lower(), place)
+    return " · ".join(f"[{word}](#{words[word]})" for word in sorted(words)) + "\n"
+
+
 def equations_block(group: str) -> str:
     """Equations with source and function; tests_of_equations.py has their tests."""
     rows = [
@@ -886,6 +899,7 @@ KINDS: dict[str, Callable[..., str]] = {
     "methods": methods_block,
     "python": python_block,
     "checks": checks_block,
+    "glossary": glossary_block,
     "equations": equations_block,
     "menu": menu_block,
     "trials": lambda suite: table(*flown_trials(suite)),
