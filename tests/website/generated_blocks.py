@@ -12,6 +12,7 @@ import inspect
 import math
 import re
 import sys
+import textwrap
 import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
@@ -848,7 +849,8 @@ def glossary_block() -> str:
         elif place:
             for word in re.findall(r"(?<!\*)\*([A-Za-z][a-z ]+)\*(?!\*)", line):
                 words.setdefault(word.lower(), place)
-    return " · ".join(f"[{word}](#{words[word]})" for word in sorted(words)) + "\n"
+    links = [f"[{word}](#{words[word]})" for word in sorted(words)]
+    return textwrap.fill(" · ".join(links), 100, break_on_hyphens=False) + "\n"
 
 
 def equations_block(group: str) -> str:
