@@ -83,7 +83,7 @@ def test_every_kind_stands_on_the_page() -> None:
     assert all(suffix.upper() in PAGE for suffix in SUFFIXES)
 
 
-def test_the_derived_numbers_of_the_page_on_study_files_are_a_study() -> None:
+def test_the_study_of_the_page_on_study_files_loads() -> None:
     import tomllib
 
     from skyarm.studies.sweep import study_from
@@ -95,14 +95,7 @@ def test_the_derived_numbers_of_the_page_on_study_files_are_a_study() -> None:
         if "[derived]" in block
     ]
     for table in tables:
-        study = study_from(
-            {
-                "schema": 1,
-                "name": "a",
-                "scenario": "case3",
-                "episodes": 4,
-                **tomllib.loads(table),
-            }
-        )
+        study = study_from(tomllib.loads(table))
         assert "moment" in study.derived
+        assert study.success
     assert len(tables) == 1

@@ -1,5 +1,5 @@
-"""List of the checks of ``skyarm check``: question, possible levels, limits and usual
-remedy of each.
+"""List of the checks of ``skyarm check``: question, possible levels, quantity, limits
+and usual remedy of each.
 
 A question of a finding equals one of the list, apart from names of joints and words
 about a load.
@@ -20,7 +20,7 @@ from skyarm.studies.assess.layout import (
     THRUST_COEFFICIENTS,
     UNEVEN,
 )
-from skyarm.studies.assess.pressing_flights import ALLOWED, STEPS
+from skyarm.studies.assess.pressing_flights import ALLOWED, LIMITED, NOISES, STEPS
 from skyarm.studies.assess.pressing_flights import QUESTION as IN_FLIGHT
 from skyarm.studies.assess.push_limits import ASSUMED, HALF, WARNS
 from skyarm.studies.assess.survival_limits import KINDS
@@ -32,6 +32,7 @@ from skyarm.studies.assess.thrust import (
     SLOWEST_ZERO,
     WARNINGS,
 )
+from skyarm.studies.stability.hover_delay import ENOUGH as MARGIN
 
 VEHICLE, SCENARIO = "vehicle", "scenario"
 
@@ -40,29 +41,32 @@ class Check(NamedTuple):
     """One check of a vehicle or of a scenario.
 
     Attributes:
-        of: "vehicle" (and of a scenario's vehicle) or "scenario". question: as in its
-            findings; NAME is a joint.
-        levels: levels that it may end as. looks_at: computed quantity and limits.
-            remedy: usual remedy.
+        of: "vehicle" (and of a scenario's vehicle) or "scenario". group: heading of its
+            table. question: as in its findings; NAME is a joint.
+        levels: levels that it may end as. quantity: what is computed.
+        warning, fault: where it is one; empty if it never is.
+        remedy: usual remedy.
     """
 
     of: str
+    group: str
     question: str
     levels: str
-    looks_at: str
+    quantity: str
+    warning: str
+    fault: str
     remedy: str
 
 
 def _authority(name: str, axis: int) -> Check:
-    looks_at = (
-        "angular acceleration that the rotors can add to hover, worst arm pose; "
-        f"fault below {FAULTS[axis]:g} rad/s^2, warning below {WARNINGS[axis]:g}"
-    )
     return Check(
         VEHICLE,
+        "rotors",
         f"{name} authority",
         "ok, warning, fault",
-        looks_at,
+        "angular acceleration that the rotors can add to hover, worst arm pose",
+        f"below {WARNINGS[axis]:g} rad/s^2",
+        f"below {FAULTS[axis]:g} rad/s^2",
         "check positions; more thrust margin",
     )
 
@@ -70,99 +74,125 @@ def _authority(name: str, axis: int) -> Check:
 CHECKS: tuple[Check, ...] = (
     Check(
         VEHICLE,
+        "file",
         UNITS,
         "ok, warning, fault",
-        "whether a number is unlikely for real vehicles; a fault in a vehicle, a"
-        " warning in a scenario",
+        "whether a number is likely for real vehicles",
+        "unlikely, in a scenario",
+        "unlikely, in a vehicle",
         "correct the unit",
     ),
     Check(
         VEHICLE,
+        "file",
         REFUSED,
         "fault",
-        "whether plants refuse the vehicle: joint friction or stops too stiff for the"
-        " integration",
+        "whether plants can integrate joint friction and stops",
+        "",
+        "too stiff",
         "lower the damping, or state the armature",
     ),
     Check(
         VEHICLE,
+        "rotors",
         "weight on the rotors' discs",
         "ok, fault",
-        f"weight over the area of the discs; fault outside {DISC_LOADING[0]:g} to"
-        f" {DISC_LOADING[1]:g} N/m^2",
+        "weight over the area of the discs",
+        "",
+        f"outside {DISC_LOADING[0]:g} to {DISC_LOADING[1]:g} N/m^2",
         "check masses (kg) and rotor positions (m)",
     ),
     Check(
         VEHICLE,
         "rotors",
+        "rotors",
         "fault",
-        "whether the rotors can give thrust and torque about all axes",
+        "thrust and torque that the rotors can give",
+        "",
+        "none about some axis",
         "check axes and positions",
     ),
     Check(
         VEHICLE,
+        "rotors",
         "rotors as joints",
         "fault",
-        "whether driven joints without limits have the names or the places of rotors",
-        '`[[rotors]] link = "NAME"`; or `[[joints]]` gives a joint of an arm its'
-        " limits",
+        "names and places of driven joints without limits",
+        "",
+        "those of rotors",
+        '`[[rotors]] link = "NAME"`; or `[[joints]]` gives a joint of an '
+        "arm its limits",
     ),
     Check(
         VEHICLE,
+        "rotors",
         "axes of the rotors",
         "fault",
-        "whether the thrust of a rotor that is not reversible points down",
+        "direction of the thrust of a rotor that is not reversible",
+        "",
+        "down",
         "turn the axis round",
     ),
     Check(
         VEHICLE,
+        "rotors",
         "thrust coefficient",
         "ok, warning, fault",
-        "C_T = thrust / (rho n^2 D^4), D of the largest discs without overlap; "
-        f"fault outside {THRUST_COEFFICIENTS[0]:g} to {THRUST_COEFFICIENTS[1]:g}, "
-        "or a warning if another program's file states it",
+        "C_T = thrust / (rho n^2 D^4), D of the largest discs without overlap",
+        "outside, as another program's file states it",
+        f"outside {THRUST_COEFFICIENTS[0]:g} to {THRUST_COEFFICIENTS[1]:g}",
         "check its unit, N s^2/rad^2",
     ),
     Check(
         VEHICLE,
+        "rotors",
         "moment coefficient",
         "ok, warning, fault",
-        "drag torque over the product of thrust and disc radius; fault above"
-        f" {MOMENT_ARMS[1]:g}, warning below {MOMENT_ARMS[0]:g}, or where another"
-        " program's file states it",
+        "drag torque over the product of thrust and disc radius",
+        f"below {MOMENT_ARMS[0]:g}; above {MOMENT_ARMS[1]:g}, as another "
+        "program's file states it",
+        f"above {MOMENT_ARMS[1]:g}",
         "check its unit, m",
     ),
     Check(
         VEHICLE,
+        "rotors",
         "senses of rotation",
         "ok, warning, fault",
-        f"relative spread of hover thrusts; fault from {UNEVEN:g} if reversing one"
-        " rotor, or two, evens them, warning if senses differ by 2 rotors",
+        "rotors that turn one way more than the other; relative spread of "
+        "hover thrusts",
+        "2 rotors more",
+        f"spread from {UNEVEN:g} that reversing one rotor, or two, evens",
         "turn one rotor round",
     ),
     Check(
         VEHICLE,
+        "rotors",
         "thrust margin",
         "ok, note, warning, fault",
-        "largest thrust of the busiest rotor over its hover thrust, worst arm pose; "
-        f"fault below 1, warning below {ENOUGH:g}",
+        "largest thrust of the busiest rotor over its hover thrust, worst arm pose",
+        f"below {ENOUGH:g}",
+        "below 1",
         "less mass, a shorter arm, or more thrust",
     ),
     Check(
         VEHICLE,
+        "rotors",
         "balance of the rotors",
         "ok, warning, fault",
-        "hover thrust of the idlest rotor over the mean, worst arm pose; fault below"
-        " 0, also of a reversible rotor, for the shipped laws reverse none; warning"
-        f" below {LEAST_SHARE:g}",
+        "hover thrust of the idlest rotor over the mean, worst arm pose",
+        f"below {LEAST_SHARE:g}",
+        "below 0, also of a reversible rotor: the shipped laws reverse none",
         "move mass towards the rotors' middle",
     ),
     Check(
         VEHICLE,
+        "arm",
         "joints[NAME] static effort",
         "ok, note, fault",
-        "largest effort that holds the arm in any pose; fault above the limit of the"
-        " joint",
+        "largest effort that holds the arm in any pose",
+        "",
+        "above the limit of the joint",
         "a stronger drive, or a lighter or shorter arm",
     ),
     _authority("roll", 0),
@@ -170,239 +200,314 @@ CHECKS: tuple[Check, ...] = (
     _authority("yaw", 2),
     Check(
         VEHICLE,
+        "arm",
         "largest payload",
         "ok, note, warning, fault",
-        f"largest mass at the tip with a thrust margin of {ENOUGH:g} in every pose; "
-        "warning if it is zero, fault if `--payload` is more",
+        f"largest mass at the tip with a thrust margin of {ENOUGH:g} in every pose",
+        "zero",
+        "below `--payload`",
         "carry at most this mass, or strengthen the rotor or joint that is named",
     ),
     Check(
         VEHICLE,
+        "rotors",
         "side force of torques",
         "warning",
-        "unstable zero of the position, where leaning rotors push against the tilt"
-        f" that they make; warning below {SLOWEST_ZERO:g} rad/s",
+        "unstable zero of the position, where leaning rotors push against "
+        "the tilt that they make",
+        f"below {SLOWEST_ZERO:g} rad/s",
+        "",
         "lean the rotors inward, or a lower bandwidth",
     ),
     Check(
         VEHICLE,
+        "rotors",
         "largest side force",
         "ok, note",
         f"largest steady wind force with a thrust margin of {ENOUGH:g}",
+        "",
+        "",
         "none",
     ),
     Check(
         VEHICLE,
+        "arm",
         "workspace",
         "ok",
         "box around all positions of the tip, base axes",
+        "",
+        "",
         "none",
     ),
     Check(
         VEHICLE,
+        "battery",
         "time aloft",
         "ok, note, warning, fault",
-        f"time of hover on the battery; warning below {SHORTEST:g} s, fault if it"
-        " cannot hover",
+        "time of hover on the battery",
+        f"below {SHORTEST:g} s",
+        "cannot hover",
         "more cells or more charge",
     ),
     Check(
         VEHICLE,
+        "file",
         MESHES,
         "note",
         "mesh files that are not there or cannot be drawn; flights need none",
+        "",
+        "",
         "put the files beside the URDF file, or take their names out of it",
     ),
     Check(
         SCENARIO,
+        "reference",
         PLAN,
         "warning",
-        "whether the motion of the tip reaches joint limits or a near singularity, or"
-        " needs too much thrust or tilt",
+        "motion of the tip",
+        "reaches joint limits or a near singularity, or needs too much thrust or tilt",
+        "",
         "another `posture`, or a slower motion",
     ),
     Check(
         SCENARIO,
+        "law",
         LAW,
         "warning",
-        "whether the law relies on the torque of a joint that no drive moves",
+        "joints whose torque the law relies on",
+        "one that no drive moves",
+        "",
         "a law that leaves passive joints alone",
     ),
     Check(
         SCENARIO,
+        "law",
         PARTS,
         "warning",
-        "winds, forces and sensors that have no effect",
+        "winds, forces and sensors",
+        "without effect",
+        "",
         "remove the part, or state its numbers",
     ),
     Check(
         SCENARIO,
+        "battery",
         "battery over the flight",
         "ok, fault",
-        "time of hover on the battery, each load counted while it is held; fault below"
-        " the duration",
+        "of a scenario: time of hover, each load counted while it is held",
+        "",
+        "below the duration",
         "more charge, or less load",
     ),
     Check(
         SCENARIO,
+        "reference",
         "reference within joint limits",
         "fault",
-        "joint positions of the reference; fault beyond a limit of the joint",
+        "joint positions of the reference",
+        "",
+        "beyond a limit of the joint",
         "a smaller motion, or other limits",
     ),
     Check(
         SCENARIO,
+        "reference",
         "rotors along the reference",
         "ok, warning, fault",
-        "rotor speeds that exact tracking needs; warning beyond a limit, "
-        f"fault beyond it for over {OFTEN:.0%} of the flight",
+        "rotor speeds that exact tracking needs",
+        "beyond a limit",
+        f"beyond it for over {OFTEN:.0%} of the flight",
         "a slower reference, less load, or stronger rotors",
     ),
     Check(
         SCENARIO,
+        "reference",
         "joints along the reference",
         "ok, warning, fault",
-        "joint efforts that exact tracking needs; warning beyond a limit, "
-        f"fault beyond it for over {OFTEN:.0%} of the flight",
+        "joint efforts that exact tracking needs",
+        "beyond a limit",
+        f"beyond it for over {OFTEN:.0%} of the flight",
         "a slower reference, less load, or stronger drives",
     ),
     Check(
         SCENARIO,
+        "reference",
         "steps of the reference",
         "warning",
-        "largest step of the base velocity of the reference, also from the vehicle's"
-        f" velocity at the start; warning above {BLOW:g} m/s, which is as hard as a"
-        " blow",
+        "largest step of the base velocity of the reference, also from the "
+        "vehicle's velocity at the start",
+        f"above {BLOW:g} m/s, which is as hard as a blow",
+        "",
         "a motion that begins at rest, or an initial velocity",
     ),
     Check(
         SCENARIO,
+        "reference",
         "joints[NAME] servo's speed",
         "ok, warning, fault",
-        "joint rates of the reference; warning beyond the limit of the servo, "
-        f"fault beyond it for over {OFTEN:.0%} of the flight",
+        "joint rates of the reference",
+        "beyond the limit of the servo",
+        f"beyond it for over {OFTEN:.0%} of the flight",
         "a slower reference, or a higher limit or voltage",
     ),
     *(
         Check(
             SCENARIO,
+            "reference",
             question,
             "ok, warning",
             "smallest distance of the vehicle's bodies, as they are drawn, from"
-            f" {what}, along the reference; warning below 0",
+            f" {what}, along the reference",
+            "below 0",
+            "",
             "a path farther from it, or another arm pose",
         )
         for question, what in zip(CLEARANCES, ("surfaces", "each other"), strict=True)
     ),
     Check(
         SCENARIO,
+        "contact",
         "contact along the reference",
         "warning, fault",
-        "largest force on the tip that a plan counts on in a world without surfaces;"
-        " fault above the weight",
+        "largest force on the tip that a plan counts on in a world without surfaces",
+        "above 0",
+        "above the weight",
         "what the tip touches in the plan",
     ),
     Check(
         SCENARIO,
+        "teams",
         "load share",
         "note",
-        "weight of the bodies that the vehicle's grasps carry at the start; thrust and"
-        " joint efforts that this takes",
+        "weight of the bodies that the vehicle's grasps carry at the start;"
+        " thrust and joint efforts that this takes",
+        "",
+        "",
         "none",
     ),
     Check(
         SCENARIO,
+        "teams",
         "balance of BODY",
         "ok, note, warning",
-        "static equilibrium of a body in its grasps at the start; warning if it tips,"
-        " swings or falls",
+        "static equilibrium of a body in its grasps at the start",
+        "it tips, swings or falls",
+        "",
         "grasps around the vertical through its centre of mass",
     ),
     Check(
         SCENARIO,
+        "teams",
         "loss of NAME",
         "note, warning",
-        "load share and balance with the grasps of one vehicle open; its number is the"
-        " least thrust margin of the others; warning at an alarm of another vehicle",
+        "load share and balance with the grasps of one vehicle open; its "
+        "number is the least thrust margin of the others",
+        "alarm of another vehicle",
+        "",
         "a lighter body, more thrust, or one vehicle more",
     ),
     Check(
         SCENARIO,
+        "law",
         QUESTION,
         "ok, note, warning, fault",
-        "extra delay at which the loop in hover becomes unstable; fault if it is"
-        " unstable as it is",
+        "extra delay at which the loop in linearised hover becomes unstable",
+        f"below {MARGIN} times the nominal delay, or one control period",
+        "unstable as it is",
         "softer gains, faster motors, or less delay",
     ),
     Check(
         SCENARIO,
+        "contact",
         "pressing",
         "warning",
-        "whether the reference commands a contact force to a law without force control",
+        "contact force that the reference commands",
+        "to a law without force control",
+        "",
         "the law `centroidal` with `interaction`",
     ),
     Check(
         SCENARIO,
+        "contact",
         "joints while pressing",
         "ok, warning, fault",
-        "joint efforts that the contact force needs, over their limits; warning above"
-        f" {WARNS:g}, fault above 1",
+        "joint efforts that the contact force needs, over their limits",
+        f"above {WARNS:g}",
+        "above 1",
         "less force, or the tip nearer to the joint's height",
     ),
     Check(
         SCENARIO,
+        "contact",
         "yaw while pressing",
         "ok, warning",
-        "yaw torque of pushing and sliding over the yaw torque of the rotors; warning"
-        f" above {HALF:g}",
+        "yaw torque of pushing and sliding over the yaw torque of the rotors",
+        f"above {HALF:g}",
+        "",
         "less force, or a shorter reach",
     ),
     Check(
         SCENARIO,
+        "contact",
         "force of a guard",
         "warning",
-        "speed that an object gains if the guard's force pushes it for `hold`; warning"
-        " above the speed of the approach",
+        "speed that an object gains if the guard's force pushes it for `hold`",
+        "above the speed of the approach",
+        "",
         "less force, a shorter hold, or a guard that awaits a distance",
     ),
     Check(
         SCENARIO,
+        "contact",
         "force without a sensor",
         "note",
-        "error of the estimated force if all joint torques are"
-        f" {ASSUMED.torques:.0%} off",
+        "error of the estimated force if all joint torques are "
+        f"{ASSUMED.torques:.0%} off",
+        "",
+        "",
         "set `tolerances`, or add a force sensor",
     ),
     Check(
         SCENARIO,
+        "contact",
         STEPS,
         "fault",
-        "whether the integration steps are too long for the contact's stiffness and the"
-        " mass of the tip",
+        "integration steps",
+        "",
+        "too long for the contact's stiffness and the mass of the tip",
         "a softer material",
     ),
     Check(
         SCENARIO,
+        "contact",
         IN_FLIGHT,
         "ok, note, fault",
-        f"mean force error in simulated flights; fault above {ALLOWED:.0%}, or if a"
-        " flight ends early",
+        f"mean force error in {NOISES} simulated flights",
+        "",
+        f"above {ALLOWED:.0%}; a flight ends early; a rotor is at its limit "
+        f"for over {LIMITED:.0%} of the time",
         "mend the cause that is named: yaw torque, reach or a light tip",
     ),
     Check(
         SCENARIO,
+        "law",
         CALM,
         "ok, note, fault",
-        "with `--flights`: whether the law flies a slow swing in calm air; "
-        "always: whether vehicles that hold one object fly their scenario",
+        "with `--flights`: a slow swing in calm air; always: the scenario "
+        "of vehicles that hold one object",
+        "",
+        "lost",
         "another law or other gains",
     ),
     *(
         Check(
             SCENARIO,
+            "law",
             f"largest {kind}",
             "note",
             f"with `--flights`: the most that is survived {words}",
+            "",
+            "",
             "none",
         )
         for kind, (_, _, words) in KINDS.items()

@@ -12,6 +12,7 @@ import inspect
 import math
 import re
 import sys
+import textwrap
 import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
@@ -825,15 +826,31 @@ def python_block(kind: str, job: str = "") -> str:
     return table(*(made_by[kind](job) if job else modules_of()))
 
 
-def checks_block(part: str) -> str:
-    """Questions of ``skyarm check``: of a vehicle, or of a scenario."""
-    rows = [
-        (each.question, each.levels, each.looks_at, each.remedy)
-        for each in CHECKS
-        if each.of == part
-    ]
-    assert rows, f"no checks of {part}"
-    return table(("question", "may end as", "what is computed", "usual remedy"), rows)
+def checks_block(group: str) -> str:
+    """Questions of ``skyarm check`` of a group; those that share all else are a row."""
+    named: dict[tuple[str, ...], list[str]] = {}
+    for each in CHECKS:
+        if each.group == group:
+            cells = (each.quantity, each.warning, each.fault, each.remedy)
+            named.setdefault(cells, []).append(each.question)
+    assert named, f"no checks of {group}"
+    rows = [(", ".join(questions), *cells) for cells, questions in named.items()]
+    heads = ("question", "quantity", "warning if", "fault if", "usual remedy")
+    return table(heads, rows)
+
+
+def glossary_block() -> str:
+    """Links to all words of the glossary: headings, and words in italics below them."""
+    place, words = "", dict[str, str]()
+    for line in BLOCK.sub("", (DOCS / "glossary.md").read_text("utf-8")).splitlines():
+        if line.startswith("### "):
+            place = line[4:].lower().replace(" ", "-")
+            words[line[4:].lower()] = place
+        elif place:
+            for word in re.findall(r"(?<!\*)\*([A-Za-z][a-z ]+)\*(?!\*)", line):
+                words.setdefault(word.lower(), place)
+    links = [f"[{word}](#{words[word]})" for word in sorted(words)]
+    return textwrap.fill(" · ".join(links), 100, break_on_hyphens=False) + "\n"
 
 
 def equations_block(group: str) -> str:
@@ -884,6 +901,7 @@ KINDS: dict[str, Callable[..., str]] = {
     "methods": methods_block,
     "python": python_block,
     "checks": checks_block,
+    "glossary": glossary_block,
     "equations": equations_block,
     "menu": menu_block,
     "trials": lambda suite: table(*flown_trials(suite)),

@@ -13,9 +13,11 @@ import pytest
 import skyarm
 from skyarm.studies.assess.finding import LEVELS
 from support.check_list import CHECKS, SCENARIO, VEHICLE
+from support.commands import skyarm as command
 
 ASSESS = Path(skyarm.__file__).parent / "studies/assess"
-EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
+ROOT = Path(__file__).resolve().parents[3]
+EXAMPLES = ROOT / "examples"
 
 
 def listed(question: str) -> str:
@@ -124,5 +126,15 @@ def test_entries_are_whole() -> None:
     for check in CHECKS:
         assert check.of in (VEHICLE, SCENARIO)
         assert set(check.levels.split(", ")) <= set(LEVELS)
-        assert check.looks_at
+        assert check.quantity
+        assert bool(check.warning) == ("warning" in check.levels), check.question
+        assert bool(check.fault) == ("fault" in check.levels), check.question
         assert check.remedy
+
+
+def test_the_alarm_of_the_page_is_printed() -> None:
+    page = (ROOT / "docs" / "checks.md").read_text("utf-8")
+    (line,) = re.findall(r"^fault in .*\n    .*$", page, re.MULTILINE)
+    printed = command("check", "hummingbird_arm2_rotors", "--payload", "0.15")
+    assert printed.code == 1
+    assert " ".join(line.split()) in " ".join(printed.out.split())

@@ -40,7 +40,7 @@ MASS = float(SCENARIO.agent.plant.vehicle.mass)
 def found():
     return largest(
         SCENARIO,
-        {"bump": 3.0 * MASS, "lateness": LATEST, "load in motion": HEAVIEST * MASS},
+        {"blow": 3.0 * MASS, "lateness": LATEST, "load in motion": HEAVIEST * MASS},
     )
 
 
@@ -125,8 +125,8 @@ def test_the_weakest_of_six_directions_counts(axis, sign, monkeypatch):
         }
 
     monkeypatch.setattr("skyarm.studies.assess.survival_limits.fly", fly)
-    most = {"bump": 2.0, "lateness": 0.1, "load in motion": 0.3}
-    assert largest(SCENARIO, most) == pytest.approx(most | {"bump": 1.0})
+    most = {"blow": 2.0, "lateness": 0.1, "load in motion": 0.3}
+    assert largest(SCENARIO, most) == pytest.approx(most | {"blow": 1.0})
 
 
 def test_the_last_seconds_are_five_whatever_the_windows_of_the_scenario(monkeypatch):
@@ -144,7 +144,7 @@ def test_the_last_seconds_are_five_whatever_the_windows_of_the_scenario(monkeypa
     monkeypatch.setattr("skyarm.studies.assess.survival_limits.fly", fly)
     largest(
         with_words(SCENARIO, windows=short),
-        {"bump": 1.0, "lateness": 0.1, "load in motion": 0.1},
+        {"blow": 1.0, "lateness": 0.1, "load in motion": 0.1},
     )
 
     def flown(scenario):
@@ -159,12 +159,12 @@ def test_the_last_seconds_are_five_whatever_the_windows_of_the_scenario(monkeypa
 def test_every_number_is_a_note_with_its_unit():
     findings = survival_limits(SCENARIO)
     assert [(each.question, each.level, each.unit) for each in findings] == [
-        ("largest bump", NOTE, "N s"),
+        ("largest blow", NOTE, "N s"),
         ("largest lateness", NOTE, "ms"),
         ("largest load in motion", NOTE, "kg"),
     ]
-    bump, late, load = findings
-    assert 0.0 < bump.value <= bump.limit == pytest.approx(5.0 * MASS)
+    blow, late, load = findings
+    assert 0.0 < blow.value <= blow.limit == pytest.approx(5.0 * MASS)
     assert f"survives {late.value:.3g} ms of the commands" in late.text
     assert 0.0 < load.value < load.limit
 
@@ -222,7 +222,7 @@ def test_flights_take_a_law():
         skyarm.check(SCENARIO, flights=True, payload=0.1)
     found = skyarm.check(SCENARIO, flights=True)
     assert [each.question for each in found.findings][-3:] == [
-        "largest bump",
+        "largest blow",
         "largest lateness",
         "largest load in motion",
     ]

@@ -58,7 +58,7 @@ FASTEST, LATEST, HEAVIEST = 5.0, 0.1, 0.5
 flown: beyond any law's."""
 
 KINDS = {
-    "bump": ("N s", 1.0, "within a control period, in any of six directions"),
+    "blow": ("N s", 1.0, "within a control period, in any of six directions"),
     "lateness": ("ms", 1e3, "of the commands, of which the law is not told"),
     "load in motion": ("kg", 1.0, "at the tip, of which the law is not told"),
 }
@@ -97,7 +97,7 @@ def survival_limits(scenario: Scenario) -> list[Finding]:
     mass = float(scenario.agent.vehicle.mass)
     name = scenario.agent.controller.name
     most = {
-        "bump": FASTEST * mass,
+        "blow": FASTEST * mass,
         "lateness": LATEST,
         "load in motion": HEAVIEST * mass,
     }
@@ -180,7 +180,7 @@ def largest(scenario: Scenario, most: Mapping[str, float]) -> dict[str, float]:
     blow = f"environment.forces.{len(flown.environment.forces) - 1}.force"
     # an impulse within one period is that many times as large a force
     factors = [
-        ("bump", f"{blow}.{axis}.value", sign * rate)
+        ("blow", f"{blow}.{axis}.value", sign * rate)
         for axis in "xyz"
         for sign in (1.0, -1.0)
     ]
@@ -206,7 +206,7 @@ def largest(scenario: Scenario, most: Mapping[str, float]) -> dict[str, float]:
     )
     rows = fly(work)
     # a blow may leave little more error than the calm flight has
-    near = {"bump": rows[LAST_ERROR][0] + NEAR}
+    near = {"blow": rows[LAST_ERROR][0] + NEAR}
     most_off = np.repeat(
         [near.get(kind, LARGEST_ERROR) for kind, _, _ in factors], SECTIONS
     )
