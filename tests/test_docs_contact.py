@@ -87,11 +87,11 @@ def test_every_shape_and_every_kind_has_a_row() -> None:
     assert spots == set(SOLIDS)
 
 
-def test_the_smallest_world_shown_is_one() -> None:
-    (shown,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
-    scenario = skyarm.scenario_from(
+def hover_in(shown: str) -> skyarm.Scenario:
+    """A hover 1 m above the origin in the world of a block of the page."""
+    return skyarm.scenario_from(
         {
-            "name": "ground",
+            "name": "shown",
             "duration": 1.0,
             "plant": {"vehicle": "hummingbird_arm2_rotors"},
             "controller": {"preset": "paper_ct"},
@@ -99,6 +99,19 @@ def test_the_smallest_world_shown_is_one() -> None:
             **tomllib.loads(shown),
         }
     )
+
+
+def test_the_ball_shown_hangs_at_the_tip() -> None:
+    _, shown = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+    log = skyarm.run(hover_in(shown))
+    assert log.status == "completed"
+    # m g / k of the spring: 0.06 mm
+    assert abs(log.object_position - log.tip).max() < 1e-4
+
+
+def test_the_smallest_world_shown_is_one() -> None:
+    shown, _ = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+    scenario = hover_in(shown)
     (surface,) = scenario.world.surfaces
     (point,) = scenario.world.points
     assert (surface.name, surface.shape, point.frame) == ("ground", "plane", "tip")

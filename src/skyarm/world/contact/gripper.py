@@ -177,7 +177,7 @@ class Gripper:
         Scalar,
         nonnegative(
             "",
-            "damping ratio of the grasp with less than 20 g",
+            "damping ratio of the grasp, computed for a tip of 20 g",
             high=2.0,
             effect="higher values let the held body swing less in the grasp",
         ),
