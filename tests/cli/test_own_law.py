@@ -15,7 +15,7 @@ from skyarm.scenario.controller_table import OwnOptionsWarning
 from skyarm.scenario.save import save_scenario
 from skyarm.scenario.scenario_file import as_scenario, load_scenario
 from skyarm.studies.sweep.study_file import load_study
-from support.commands import skyarm
+from support.commands import refused, skyarm
 
 SCENARIO = """
 schema = 1
@@ -151,6 +151,27 @@ def test_a_law_without_options_and_another_law_say_nothing(file: Path) -> None:
         load_scenario(bare, controller="hybrid_computed_torque")
         as_scenario(load_scenario(bare), "hybrid_computed_torque")
         load_scenario(file, controller="decoupled_pd")
+
+
+def test_a_vehicle_has_no_law_of_its_own(file: Path) -> None:
+    out = file.with_name("tuned")
+    refused(
+        skyarm("tune", "pelican_arm2", "--laws", "own", "--out", str(out)),
+        "skyarm: --laws = 'own': a vehicle has no law of its own",
+    )
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("command", ["run", "compare"])
+def test_the_own_law_is_named_once(
+    file: Path, command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(file.parent)
+    refused(
+        skyarm(command, "mine.toml", "--laws", "own,own"),
+        "skyarm: --laws = ['own', 'own']: must be a list of different presets or laws;"
+        " 'own' and 'own' are one",
+    )
 
 
 def test_commands_take_the_own_law(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
