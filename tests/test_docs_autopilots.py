@@ -7,12 +7,17 @@ from __future__ import annotations
 import ast
 import inspect
 import re
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 
 import skyarm
-from skyarm.control.catalogue import AUTOPILOTS
+from skyarm.control.catalogue import AUTOPILOTS, make_controller
+from skyarm.control.controller import autopilot_of
+from skyarm.control.model import Model
+from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.vehicle.vehicle_files import load_vehicle
 from support.pages import DOCS, rows_of
 
 PAGE = " ".join((DOCS / "autopilots.md").read_text("utf-8").split())
@@ -81,6 +86,27 @@ def test_options_and_defaults_of_the_page_are_those_of_the_autopilot(name: str) 
     for option in options & {"climb", "preparation", "patience"}:
         usual = shown.get(option, px4[option].default)
         assert float(usual) == taken[option].default, option
+
+
+def test_the_page_says_which_autopilots_have_the_options_of_few() -> None:
+    having = {
+        option: [name for name in AUTOPILOTS if option in AUTOPILOTS[name].options()]
+        for option in ("instance", "outside")
+    }
+    assert "Only PX4 has `instance`" in PAGE
+    assert having["instance"] == ["px4"]
+    assert "`outside`, which Betaflight refuses," in PAGE
+    assert having["outside"] == [*AUTOPILOTS]
+    model = Model(vehicle=load_vehicle("pelican_arm2"))
+    for name in AUTOPILOTS:
+        autopilot = autopilot_of(make_controller(name, model, outside=True))
+        refused = (
+            pytest.raises(ScenarioError, match="outside: must be left out")
+            if name == "betaflight"
+            else nullcontext()
+        )
+        with refused:
+            assert len(autopilot.outside_ports) == 2, name
 
 
 @pytest.mark.parametrize("name", AUTOPILOTS)

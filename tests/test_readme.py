@@ -72,6 +72,13 @@ def test_the_gallery_has_a_picture_and_a_command_in_each_cell():
         ), cell
 
 
+def test_the_film_of_the_laws_in_wind_is_light_and_drawn_by_make():
+    film = "docs/images/laws_in_wind.mp4"
+    assert (ROOT / film).stat().st_size <= 2e6
+    recipe = (ROOT / "Makefile").read_text(encoding="utf-8").partition("\nfilms:")[2]
+    assert f" film $(WIND) {film} " in recipe.partition("\n\n")[0]
+
+
 def test_every_make_target_shown_exists():
     targets = set(
         re.findall(

@@ -15,7 +15,7 @@ from skyarm.scenario.controller_table import OwnOptionsWarning
 from skyarm.scenario.save import save_scenario
 from skyarm.scenario.scenario_file import as_scenario, load_scenario
 from skyarm.studies.sweep.study_file import load_study
-from support.commands import skyarm
+from support.commands import refused, skyarm
 
 SCENARIO = """
 schema = 1
@@ -46,8 +46,8 @@ episodes = 2
 """
 
 LEFT_OUT = (
-    "flies hybrid_computed_torque with its defaults, not the options of the scenario:"
-    " write 'own'"
+    "^mine: flies hybrid_computed_torque with its defaults, not the options of the"
+    " scenario: write 'own'"
 )
 
 
@@ -93,6 +93,54 @@ def test_the_own_law_by_its_name_says_that_it_lacks_its_options(file: Path) -> N
     assert identity(named) == identity(again) != identity(load_scenario(file))
 
 
+@pytest.mark.parametrize("by_record", [False, True])
+def test_a_preset_that_is_the_own_law_says_that_it_lacks_its_options(
+    by_record: bool,
+) -> None:
+    scenario = load_scenario("open_door") if by_record else "open_door"
+    line = "^open_door: flies centroidal_tip with its defaults"
+    with pytest.warns(OwnOptionsWarning, match=line) as told:
+        as_scenario(scenario, "centroidal_tip")
+    assert len(told) == 1
+
+
+@pytest.mark.parametrize("by_record", [False, True])
+@pytest.mark.parametrize(
+    ("name", "law"),
+    [
+        ("case1", "paper_ct"),
+        ("case1", "hybrid_computed_torque"),
+        ("open_door", "centroidal_joint"),
+    ],
+)
+def test_a_preset_has_no_options_to_lose_and_another_mode_is_another_law(
+    name: str, law: str, by_record: bool
+) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", OwnOptionsWarning)
+        as_scenario(load_scenario(name) if by_record else name, law)
+
+
+@pytest.mark.parametrize("by_record", [False, True])
+def test_gains_that_the_file_states_by_path_are_options(
+    file: Path, by_record: bool
+) -> None:
+    text = "\n".join(line for line in SCENARIO.split("\n") if "joint_gains" not in line)
+    file.write_text(f'{text}\n[numbers]\n"controller.gains.position.x" = 4.2\n')
+    scenario = load_scenario(file) if by_record else file
+    with pytest.warns(OwnOptionsWarning, match=LEFT_OUT):
+        as_scenario(scenario, "hybrid_computed_torque")
+
+
+@pytest.mark.parametrize("by_record", [False, True])
+def test_a_file_of_gains_has_options_of_its_own(file: Path, by_record: bool) -> None:
+    gains = file.with_name("gains.toml")
+    gains.write_text('schema = 1\n[law]\nlaw = "hybrid_computed_torque"\n')
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", OwnOptionsWarning)
+        as_scenario(load_scenario(file) if by_record else file, str(gains))
+
+
 def test_a_law_without_options_and_another_law_say_nothing(file: Path) -> None:
     bare = file.with_name("bare.toml")
     bare.write_text(
@@ -103,6 +151,27 @@ def test_a_law_without_options_and_another_law_say_nothing(file: Path) -> None:
         load_scenario(bare, controller="hybrid_computed_torque")
         as_scenario(load_scenario(bare), "hybrid_computed_torque")
         load_scenario(file, controller="decoupled_pd")
+
+
+def test_a_vehicle_has_no_law_of_its_own(file: Path) -> None:
+    out = file.with_name("tuned")
+    refused(
+        skyarm("tune", "pelican_arm2", "--laws", "own", "--out", str(out)),
+        "skyarm: --laws = 'own': a vehicle has no law of its own",
+    )
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("command", ["run", "compare"])
+def test_the_own_law_is_named_once(
+    file: Path, command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(file.parent)
+    refused(
+        skyarm(command, "mine.toml", "--laws", "own,own"),
+        "skyarm: --laws = ['own', 'own']: must be a list of different presets or laws;"
+        " 'own' and 'own' are one",
+    )
 
 
 def test_commands_take_the_own_law(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,6 +19,7 @@ from skyarm.records.files import PathLike
 from skyarm.records.identity import identity
 from skyarm.records.plain import plain
 from skyarm.reference.signals import Constant, Windowed
+from skyarm.scenario.controller_table import OwnOptionsWarning
 from skyarm.scenario.document import words_of_agent
 from skyarm.scenario.in_flight import with_part
 from skyarm.scenario.payload_tables import scheduled_changes
@@ -649,7 +650,8 @@ def test_the_time_of_a_governor_is_planned_again_or_refused(tmp_path):
 
 
 def test_a_law_of_the_bases_name_with_other_options_is_that_of_the_catalogue(tmp_path):
-    scenario = skyarm.load_scenario("slide_up", controller="centroidal_tip")
+    with pytest.warns(OwnOptionsWarning, match="^slide_up: flies centroidal_tip"):
+        scenario = skyarm.load_scenario("slide_up", controller="centroidal_tip")
     assert scenario.controller.name == skyarm.load_scenario("slide_up").controller.name
     assert saved(scenario, tmp_path, "slide_up")["controller"] == {
         "preset": "centroidal_tip"

@@ -348,13 +348,26 @@ def distinct_labels(
         ValueError: one line: a label that a flight before it has.
     """
     labels = [label or other for label, other in zip(given, usual, strict=True)]
+    require_distinct(names, labels)
+    return labels
+
+
+def require_distinct(names: Sequence[str], labels: Sequence[str]) -> None:
+    """Raise an error if two flights have one label.
+
+    Args:
+        names: words of the command line, for the message.
+        labels: labels of these words.
+
+    Raises:
+        ValueError: one line: a label that a flight before it has.
+    """
     for i, label in enumerate(labels):
         if label in labels[:i]:
             raise ValueError(
                 f"flight = {shown(names[i])}: must have another name than a flight"
                 " before it"
             )
-    return labels
 
 
 def require_not_another(name: str, expected: str) -> None:

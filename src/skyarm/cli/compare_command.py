@@ -26,7 +26,6 @@ from skyarm.cli.arguments import (
 )
 from skyarm.cli.lines import say
 from skyarm.cli.output import bar, give, tell
-from skyarm.control.catalogue import OWN
 from skyarm.records.files import must_be_one_of, shown, unreadable
 from skyarm.records.registry import names as registered
 from skyarm.records.registry.plugins import loaded_plugins
@@ -188,8 +187,8 @@ def compare(
     elif (suite.endswith(".toml") and Path(suite).is_file()) or suite in shipped_names(
         "scenario"
     ):
-        # two names of one law are refused with its plan, where "own" does not count
-        law_names([name for name in names if name != OWN])
+        # two names of one law are refused with its plan
+        law_names(names)
         options = {
             word: value for word, value in options.items() if is_given(context, word)
         }

@@ -15,18 +15,22 @@ from skyarm.cli.arguments import (
     label_of,
     law_names,
     out_option,
+    require_distinct,
     require_left_out,
     word_completion,
 )
 from skyarm.cli.output import bar, give, tell
+from skyarm.control.catalogue import require_different
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log
 from skyarm.records.files import output_file, require_file, shown, taken_back
 from skyarm.records.files.own_inputs import require_no_input
+from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.simulate import run
 from skyarm.view.figures.flight_facts import flight_labels
 from skyarm.view.film.film_flights import write_film
+from skyarm.view.film.filmed_flight import require_as_many
 from skyarm.view.film.make_film import Camera, FilmSettings, Layout, size_of
 from skyarm.view.film.recording import SUFFIXES, import_viser
 from skyarm.view.film.video_files import require_film_format, usual_size_and_rate
@@ -152,10 +156,24 @@ def film(
     with taken_back(path.parent):
         # before the flights: a missing renderer must not cost a flight
         _require_renderer(recorded=recorded)
-        words, own, logs = _logs(flights, law_names(laws), settings)
-        if any(own):
+        names = law_names(laws)
+        require_different(names, "--laws")
+        asked = _asked(flights, names)
+        labelled = [each for each in asked if each.label]
+        if labelled:
             require_left_out(context, ["--label"], " beside NAME=FLIGHT")
-            label = distinct_labels(words, own, flight_labels(logs))
+            require_distinct(
+                [each.word for each in labelled], [each.label for each in labelled]
+            )
+        elif label is not None:
+            require_as_many(label, len(asked))
+        logs = [_log_of(each, settings.stop) for each in asked]
+        if labelled:
+            label = distinct_labels(
+                [each.word for each in asked],
+                [each.label for each in asked],
+                flight_labels(logs),
+            )
         # a log may have been read under this name meanwhile
         require_no_input(path, "FILE")
         with bar("recording" if recorded else "filming") as advance:
@@ -184,21 +202,40 @@ def _require_renderer(*, recorded: bool) -> None:
             pass
 
 
-def _logs(
-    flights: Sequence[str], names: Sequence[str], settings: FilmSettings
-) -> tuple[list[str], list[str], list[Log]]:
-    """Load the named logs, and simulate the named scenarios.
+@immutable
+class _Flight:
+    """Flight of a film: its word of the command line, label, log or scenario, and law.
 
-    Returns:
-        of each log its word of the command line and its label, empty if it has none;
-        the logs.
+    The label is empty if the word has none.
     """
-    laws: Sequence[str | None] = names or [None]
-    words, labels, logs = list[str](), list[str](), list[Log]()
+
+    word: str
+    label: str
+    name: str
+    law: str | None
+
+
+def _asked(flights: Sequence[str], names: Sequence[str]) -> list[_Flight]:
+    """Flights that the words of a command line denote: the named logs, and the named
+    scenarios under each law.
+
+    Raises:
+        ValueError: one line: laws of a log, or no such file.
+    """
+    asked = list[_Flight]()
     for word in flights:
         label, name = label_of(word)
         if _is_flown(name):
-            logs += [_fly(name, law, settings.stop) for law in laws]
+            several = label and len(names) > 1
+            asked += [
+                _Flight(
+                    word=word,
+                    label=f"{label}, {law}" if several else label,
+                    name=name,
+                    law=law,
+                )
+                for law in names or [None]
+            ]
         elif names:
             raise ValueError(
                 f"--laws = {names[0]!r}: must be left out, {name!r} is the log of a"
@@ -206,12 +243,15 @@ def _logs(
             )
         else:
             require_file(name, f"flight = {shown(name)}")
-            logs.append(load_log(name))
-        for law in laws if _is_flown(name) else [None]:
-            words.append(word)
-            several = label and law is not None and len(laws) > 1
-            labels.append(f"{label}, {law}" if several else label)
-    return words, labels, logs
+            asked.append(_Flight(word=word, label=label, name=name, law=None))
+    return asked
+
+
+def _log_of(flight: _Flight, stop: float | None) -> Log:
+    """Simulate a flight of a film, or load it if it is that of a log."""
+    if _is_flown(flight.name):
+        return _fly(flight.name, flight.law, stop)
+    return load_log(flight.name)
 
 
 def _is_flown(name: str) -> bool:

@@ -244,7 +244,9 @@ def tuning_inputs(target: str, controller: str | None) -> TuningInputs:
     from skyarm.studies.tune.tuning import subject_of
 
     of_a_vehicle, names = _is_vehicle(target), shipped_names("scenario")
-    if controller == OWN and not of_a_vehicle:
+    if controller == OWN:
+        if of_a_vehicle:
+            raise ValueError(f"--laws = {OWN!r}: a vehicle has no law of its own")
         controller = None
     if not (
         of_a_vehicle

@@ -356,6 +356,11 @@ def every_name() -> tuple[str, ...]:
     return (*PRESETS, *LAWS, *(f"{law}{TUNED}" for law in tuned_factors()))
 
 
+def law_of(name: str) -> str:
+    """Name of the law that a preset, a law or a tuned law is of."""
+    return PRESETS[name].law if name in PRESETS else name.removesuffix(TUNED)
+
+
 def require_different(names: Sequence[str], field: str) -> None:
     """Reject a list of names that contains a controller twice.
 

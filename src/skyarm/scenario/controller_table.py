@@ -40,6 +40,8 @@ from skyarm.control.catalogue import (
     OWN,
     PRESETS,
     entry_of,
+    every_name,
+    law_of,
     make_controller,
     make_named,
     make_tuned,
@@ -262,17 +264,48 @@ class OwnOptionsWarning(UserWarning):
     """
 
 
-def warn_of_own_options(name: str) -> None:
-    """Warn that the options which a scenario gives its own law are left out."""
-    line = f"flies {name} with its defaults, not the options of the scenario"
-    warnings.warn(f"{line}: write {OWN!r}", OwnOptionsWarning, stacklevel=2)
+def warn_of_own_options(own: Scenario, flown: Scenario, name: str) -> None:
+    """Warn if a law that is named is a scenario's own, without the options that the
+    scenario gives it.
 
-
-def leaves_out_options(table: Mapping[str, object], law: str) -> bool:
-    """True if a law is that of a [controller] table and the table has options of
-    it.
+    Args:
+        own: scenario under its own laws.
+        flown: scenario under the named law.
+        name: the law's name; a file of gains has options of its own.
     """
-    return table.get("law") == law and bool({*table} - {"law", *LAYERS})
+    if not is_gains_file(name) and any(
+        _loses_options(own.of(each), flown.of(each).agent.controller, name)
+        for each in own.agents
+    ):
+        line = f"flies {name} with its defaults, not the options of the scenario"
+        warnings.warn(
+            f"{own.name}: {line}: write {OWN!r}", OwnOptionsWarning, stacklevel=2
+        )
+
+
+def _loses_options(scenario: Scenario, made: Controller, name: str) -> bool:
+    """True if a named controller is that of a scenario of one vehicle but for options,
+    and the scenario's is none that has a name.
+    """
+    own = scenario.agent.controller
+    return (
+        own.name == made.name
+        and identity(own) != identity(made)
+        and not any(
+            _is_made_by(scenario, other)
+            for other in every_name()
+            if law_of(other) == law_of(name)
+        )
+    )
+
+
+def _is_made_by(scenario: Scenario, name: str) -> bool:
+    """True if a name alone makes the controller of a scenario of one vehicle."""
+    try:
+        made = controller_by_name(scenario, name)
+    except ValueError:  # a preset of another vehicle
+        return False
+    return identity(made) == identity(scenario.agent.controller)
 
 
 def under_law(scenario: Scenario, name: str) -> Scenario:
@@ -284,13 +317,10 @@ def under_law(scenario: Scenario, name: str) -> Scenario:
     """
     if name == OWN:
         return scenario
-    made = {
-        each: controller_by_name(scenario.of(each), name) for each in scenario.agents
-    }
-    own = {each: agent.controller for each, agent in scenario.agents.items()}
-    if any(own[k].name == name and identity(own[k]) != identity(made[k]) for k in made):
-        warn_of_own_options(name)
-    return scenario.under(*made.values())
+    made = [controller_by_name(scenario.of(each), name) for each in scenario.agents]
+    flown = scenario.under(*made)
+    warn_of_own_options(scenario, flown, name)
+    return flown
 
 
 PYTHON_ONLY = ("network", "program")

@@ -203,12 +203,22 @@ def controller(entry: object, path: str, reading: ScenarioWords) -> Controller:
     """Read [controller]: a control law for the model, with its safety and actuator
     layers.
     """
-    fields = Fields(entry, path)
+    return _controller(Fields(entry, path), reading, reading.law)
+
+
+def own_controller(fields: Fields, reading: ScenarioWords) -> Controller:
+    """Read [controller] as it stands, whichever law is flown in place of it."""
+    return _controller(fields, reading, None)
+
+
+def _controller(
+    fields: Fields, reading: ScenarioWords, replaced: str | None
+) -> Controller:
     believed = reading.word("model")
     facts = loop_facts(
         reading.word("rates"), reading.word("delays"), reading.word("estimator")
     )
-    return controller_from(fields, believed, reading.law, facts, reading.folder)
+    return controller_from(fields, believed, replaced, facts, reading.folder)
 
 
 def law(scenario: Scenario, name: object) -> Controller:

@@ -63,6 +63,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
@@ -86,7 +87,6 @@ from skyarm.records.path_names import AGENTS, agent_of, word_of
 from skyarm.records.registry import names
 from skyarm.scenario import readers
 from skyarm.scenario.controller_table import (
-    leaves_out_options,
     require_servos_said,
     under_law,
     warn_of_own_options,
@@ -283,13 +283,9 @@ def _scenario_of(document: Document) -> Scenario:
     # those of a law that does not fly
     if document.law is not None:
         changes = [each for each in changes if not each.of_law]
-    without = False
     for name, each in members.items():
         with each.errors_at():
             controller = each.stated_table("controller")
-            without |= document.law is not None and leaves_out_options(
-                controller.table, document.law
-            )
             require_servos_said(
                 controller, each.word("plant").vehicle, each.word("model")
             )
@@ -309,14 +305,12 @@ def _scenario_of(document: Document) -> Scenario:
     numbers = document.table("numbers").table
     initial = slot_of("initial")
     # gains of a law that does not fly, as changes of it are
-    if document.law is not None:
-        if without:
-            warn_of_own_options(document.law)
-        numbers = {
-            path: value
-            for path, value in numbers.items()
-            if not is_below(word_of(path), "controller")
-        }
+    of_law = {
+        path: value
+        for path, value in numbers.items()
+        if document.law is not None and is_below(word_of(path), "controller")
+    }
+    numbers = {path: value for path, value in numbers.items() if path not in of_law}
     for name, each in members.items():
         of_it = [c for c in scenario.changes if agent_of(c.path) in ("", name)]
         _warn_of_two_loads(each, [word_of(c.path) for c in of_it])
@@ -334,6 +328,17 @@ def _scenario_of(document: Document) -> Scenario:
         # numbers come last: their paths lead into what all else has made
         with errors_as(ScenarioError, "numbers: "):
             made = _with_stated_numbers(made, numbers)
+    if document.law is not None:
+        # a law that does not fly may be wrong, and then has no options to lose
+        with suppress(ValueError):
+            own = made.under(
+                *(
+                    readers.own_controller(each.stated_table("controller"), each)
+                    for each in members.values()
+                )
+            )
+            own = _with_stated_numbers(own, of_law) if of_law else own
+            warn_of_own_options(own, made, document.law)
     return replace(
         made,
         agents={

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import shutil
+from contextlib import nullcontext
 from importlib import resources
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import pytest
 
 from skyarm.control.catalogue import ControllerError, require_different
 from skyarm.records.registry.plugins import load_plugin, register_law_of_file
+from skyarm.scenario.controller_table import OwnOptionsWarning
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.loop import run
 from skyarm.studies.compare.entrants import chosen_entrants
@@ -93,9 +95,14 @@ def test_an_autopilot_with_the_file_s_own_options_flies_once(tmp_path: Path) -> 
             text[:begin] + f'[controller]\nautopilot = "px4"\n{options}' + text[end:],
             "utf-8",
         )
-        assert [
-            each.entrant.name for each in flights(["own", "px4", "paper_ct"], str(file))
-        ] == names
+        laws = ["own", "px4", "paper_ct"]
+        told = (
+            pytest.warns(OwnOptionsWarning, match="flies px4 with its defaults")
+            if options
+            else nullcontext()
+        )
+        with told:
+            assert [each.entrant.name for each in flights(laws, str(file))] == names
 
 
 def test_a_flight_whose_autopilot_has_failed_is_told_and_not_kept(

@@ -317,6 +317,41 @@ def test_flights_have_labels_as_in_a_plot(
     assert (both[0], "--label: must be left out" in both[2]) == (2, True)
 
 
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("A=case3", "A=case3_wind"), "flight = 'A=case3_wind': must have another"),
+        (("A=case3", "--label", "q"), "--label: must be left out beside NAME=FLIGHT"),
+        (("case3", "--label", "p", "--label", "q"), "labels = ['p', 'q']: must be as"),
+        (("case3", "no.npz"), "flight = 'no.npz': no such file"),
+        (
+            ("A=case3", "--laws", "paper_ct,paper_ct"),
+            (
+                "--laws = ['paper_ct', 'paper_ct']: must be a list of different presets"
+                " or laws; 'paper_ct' and 'paper_ct' are one"
+            ),
+        ),
+    ],
+)
+def test_labels_and_laws_are_refused_before_a_flight_is_flown(
+    words: tuple[str, ...],
+    line: str,
+    film: Film,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    def fly(*_: object) -> None:
+        raise AssertionError("nothing may be flown here")
+
+    monkeypatch.setattr("skyarm.cli.film_command.run", fly)
+    monkeypatch.setattr("skyarm.cli.film_command._require_renderer", lambda **_: None)
+    code, out, err = film(*words, "--out", "made.webp")
+    assert (code, out) == (2, "")
+    assert err.startswith(f"skyarm: {line}")
+    assert len(err.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
 @needs_display
 def test_a_log_is_filmed_without_the_plugin_of_its_law(tmp_path: Path) -> None:
     assert skyarm_command("new", "law", "own_tilt", "--out", str(tmp_path)).code == 0

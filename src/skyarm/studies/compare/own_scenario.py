@@ -105,8 +105,8 @@ class OwnScenario(SummarySuite[GivenFlights]):
             ScenarioError: no such scenario, or a law that is none.
             ControllerError: two names of one law.
         """
+        require_different(self.laws, "--laws")
         named = [law for law in self.laws if law != OWN]
-        require_different(named, "--laws")
         refused = dict[str, str]()
         for name in named:
             try:

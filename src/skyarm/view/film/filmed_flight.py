@@ -91,10 +91,7 @@ def film_flights(
             f"{what} = {count}: must be from 1 to {MOST_FLIGHTS} in one film"
         )
     names = flight_labels(logs) if labels is None else list(labels)
-    if len(names) != len(logs):
-        raise ValueError(
-            f"labels = {shown(names)}: must be as many as the flights, {len(logs)}"
-        )
+    require_as_many(names, len(logs))
     colors = iter(COLORS)
     flights: list[FilmedFlight] = []
     for number, (log, name) in enumerate(zip(logs, names, strict=True)):
@@ -104,6 +101,18 @@ def film_flights(
         ]
         flights += _with_scenes(team, log)
     return flights
+
+
+def require_as_many(labels: Sequence[str], flights: int) -> None:
+    """Raise an error unless there are as many labels as flights.
+
+    Raises:
+        ValueError: one line.
+    """
+    if len(labels) != flights:
+        raise ValueError(
+            f"labels = {shown(labels)}: must be as many as the flights, {flights}"
+        )
 
 
 def _resample(
