@@ -227,6 +227,8 @@ def _asked(flights: Sequence[str], names: Sequence[str]) -> list[_Flight]:
         label, name = label_of(word)
         if _is_flown(name):
             several = label and len(names) > 1
+            # without names the scenario flies its own controller
+            laws: Sequence[str | None] = names or [None]
             asked += [
                 _Flight(
                     word=word,
@@ -234,7 +236,7 @@ def _asked(flights: Sequence[str], names: Sequence[str]) -> list[_Flight]:
                     name=name,
                     law=law,
                 )
-                for law in names or [None]
+                for law in laws
             ]
         elif names:
             raise ValueError(
