@@ -168,11 +168,11 @@ def test_a_film_is_written_to_out_as_to_the_last_word(
 ) -> None:
     found: list[tuple[list[str], list[str]]] = []
 
-    def stop(flights: list[str], names: list[str], _settings: object) -> None:
+    def stop(flights: list[str], names: list[str]) -> None:
         found.append((flights, names))
         raise ValueError("nothing is flown here")
 
-    monkeypatch.setattr("skyarm.cli.film_command._logs", stop)
+    monkeypatch.setattr("skyarm.cli.film_command._asked", stop)
     monkeypatch.setattr("skyarm.cli.film_command._require_renderer", lambda **_: None)
     for words in (("case3", "case2", "-o", "x.viser"), ("case3", "case2", "x.viser")):
         refused(
