@@ -172,7 +172,7 @@ def test_a_film_is_written_to_out_as_to_the_last_word(
         found.append((flights, names))
         raise ValueError("nothing is flown here")
 
-    monkeypatch.setattr("skyarm.cli.film_command._asked", stop)
+    monkeypatch.setattr("skyarm.cli.film_command._flights_of", stop)
     monkeypatch.setattr("skyarm.cli.film_command._require_renderer", lambda **_: None)
     for words in (("case3", "case2", "-o", "x.viser"), ("case3", "case2", "x.viser")):
         refused(

@@ -158,7 +158,7 @@ def film(
         _require_renderer(recorded=recorded)
         names = law_names(laws)
         require_different(names, "--laws")
-        asked = _asked(flights, names)
+        asked = _flights_of(flights, names)
         labelled = [each for each in asked if each.label]
         if labelled:
             require_left_out(context, ["--label"], " beside NAME=FLIGHT")
@@ -215,7 +215,7 @@ class _Flight:
     law: str | None
 
 
-def _asked(flights: Sequence[str], names: Sequence[str]) -> list[_Flight]:
+def _flights_of(flights: Sequence[str], names: Sequence[str]) -> list[_Flight]:
     """Flights that the words of a command line denote: the named logs, and the named
     scenarios under each law.
 

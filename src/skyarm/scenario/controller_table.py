@@ -284,8 +284,9 @@ def warn_of_own_options(own: Scenario, flown: Scenario, name: str) -> None:
 
 
 def _loses_options(scenario: Scenario, made: Controller, name: str) -> bool:
-    """True if a named controller is that of a scenario of one vehicle but for options,
-    and the scenario's is none that has a name.
+    """True if a named controller is that of a scenario but for options.
+
+    The scenario has one vehicle, and its own controller is none that has a name.
     """
     own = scenario.agent.controller
     return (
