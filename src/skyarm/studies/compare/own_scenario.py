@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from itertools import chain
 
@@ -14,6 +15,7 @@ from skyarm.records.files import PathLike
 from skyarm.records.identity import identity
 from skyarm.records.immutable import immutable
 from skyarm.records.registry import names
+from skyarm.scenario.controller_table import OwnOptionsWarning
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_file import as_scenario
 from skyarm.scenario.scenario_record import Scenario
@@ -46,9 +48,20 @@ class GivenFlights(CellFlights):
         scenario's own controller.
         """
         return dataclasses.replace(
-            as_scenario(self.given, self.entrant.law).with_kind(self.plant),
+            # planning has warned
+            _under(self.given, self.entrant.law, quiet=True).with_kind(self.plant),
             seed=self.seed,
         )
+
+
+def _under(scenario: Scenario | PathLike, law: str, *, quiet: bool) -> Scenario:
+    """Scenario under a law; if quiet, without the warning that the scenario's own
+    options are lost.
+    """
+    with warnings.catch_warnings():
+        if quiet:
+            warnings.simplefilter("ignore", OwnOptionsWarning)
+        return as_scenario(scenario, law)
 
 
 def has_chance(scenario: Scenario) -> bool:
@@ -107,11 +120,13 @@ class OwnScenario(SummarySuite[GivenFlights]):
         """
         require_different(self.laws, "--laws")
         named = [law for law in self.laws if law != OWN]
+        # the options that the warning would miss fly beside
+        beside = OWN in self.laws
         refused = dict[str, str]()
         for name in named:
             try:
                 # refuses a name of no law before the first flight
-                as_scenario(self.scenario, name)
+                _under(self.scenario, name, quiet=beside)
             # of the default laws those fly that fit; a law that was named must
             except ValueError as error:
                 if tuple(self.laws) != LAWS:
@@ -132,7 +147,7 @@ class OwnScenario(SummarySuite[GivenFlights]):
             n
             for n in named
             if identity(own)
-            == identity(as_scenario(self.scenario, n).with_kind(own.kind))
+            == identity(_under(self.scenario, n, quiet=True).with_kind(own.kind))
         ]
         if tuple(self.laws) == LAWS:  # of these none was asked for by its name
             named = [name for name in named if name not in same]
