@@ -8,7 +8,6 @@ controller from any of these names, :func:`make_controller` from a law and its o
 
 from __future__ import annotations
 
-import inspect
 import re
 import sys
 import tomllib
@@ -25,12 +24,13 @@ from skyarm.control.law_checks import call_maker
 from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.records.content import keep_results
 from skyarm.records.files import did_you_mean, must_be_one_of, nearest, shown
-from skyarm.records.immutable import positional
+from skyarm.records.immutable import memoize, positional
 from skyarm.records.leaves import leaves, part, rebuild, replace_at
 from skyarm.records.registry import Registration, registrations
 from skyarm.records.registry.plugins import law_of_file_key
 from skyarm.records.registry.registrations import SHIPPED
 from skyarm.records.registry.shipped import TUNED
+from skyarm.records.units import parameters_of
 
 __all__ = ["TUNED", "Controller", "ControllerError"]
 
@@ -65,15 +65,20 @@ class Entry:
 
     def options(self) -> tuple[str, ...]:
         """Names of the law's options."""
-        maker = self.function()
-        parameters = inspect.signature(maker).parameters.values()
-        named = tuple(p.name for p in parameters if p.kind is p.KEYWORD_ONLY)
-        more = any(p.kind is p.VAR_KEYWORD for p in parameters)
-        return (
-            (*named, *getattr(sys.modules[maker.__module__], "ENTRIES", ()))
-            if more
-            else named
-        )
+        return _options_of(self.function())
+
+
+@memoize
+def _options_of(maker: Callable[..., Controller]) -> tuple[str, ...]:
+    """Names of the options that the maker of a law takes by keyword."""
+    parameters = parameters_of(maker).values()
+    named = tuple(p.name for p in parameters if p.kind is p.KEYWORD_ONLY)
+    more = any(p.kind is p.VAR_KEYWORD for p in parameters)
+    return (
+        (*named, *getattr(sys.modules[maker.__module__], "ENTRIES", ()))
+        if more
+        else named
+    )
 
 
 class _Entries(Mapping[str, Entry]):

@@ -7,7 +7,6 @@ has the others: options that are written otherwise than they are stored, and tex
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -22,7 +21,13 @@ from skyarm.dynamics.actuators.mixer import POLICIES
 from skyarm.records.files import shipped_tables
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import field_names
-from skyarm.records.units import NUMBER, Unit, declared_fields, declared_units
+from skyarm.records.units import (
+    NUMBER,
+    Unit,
+    declared_fields,
+    declared_units,
+    parameters_of,
+)
 
 
 @positional
@@ -89,9 +94,7 @@ def option_texts(law: str) -> dict[str, OptionText]:
     maker = entry.function()
     fields = declared_fields(getattr(maker, "kind", constants_of(maker)))
     declared = declared_units(Options) | declared_units(maker)
-    usual = {
-        name: each.default for name, each in inspect.signature(maker).parameters.items()
-    }
+    usual = {name: each.default for name, each in parameters_of(maker).items()}
     texts = {}
     for option in entry.options():
         own = _text_of(law, option)

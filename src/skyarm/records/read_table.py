@@ -20,7 +20,14 @@ from skyarm.records.immutable import declarations
 from skyarm.records.leaves import field_names, is_record_class
 from skyarm.records.registry import find
 from skyarm.records.registry.registrations import name_of
-from skyarm.records.units import NUMBER, Unit, declared_units, scalars, unresolved_field
+from skyarm.records.units import (
+    NUMBER,
+    Unit,
+    declared_units,
+    parameters_of,
+    scalars,
+    unresolved_field,
+)
 from skyarm.records.words import words_of_fields
 
 Record = TypeVar("Record")
@@ -222,7 +229,7 @@ def takes_table(function: Callable[..., object]) -> bool:
     """True if a function's only parameter is a ``Fields`` reader, from which it reads a
     whole table.
     """
-    parameters = list(inspect.signature(function).parameters.values())
+    parameters = list(parameters_of(function).values())
     return len(parameters) == 1 and parameters[0].annotation in (Fields, "Fields")
 
 
@@ -234,7 +241,7 @@ def options_from(function: Callable[..., object], fields: Fields) -> dict[str, o
     """
     declared = declared_units(function)
     values: dict[str, object] = {}
-    parameters = inspect.signature(function).parameters
+    parameters = parameters_of(function)
     fields.expect(parameters)
     for name, parameter in parameters.items():
         if name in fields.table or parameter.default is inspect.Parameter.empty:
@@ -249,10 +256,12 @@ def value_from(
     annotation: object, unit: Unit, fields: Fields, name: str, folds: bool = False
 ) -> object:
     """Read a field of a table as the type that the dataclass declares for it."""
-    if typing.get_origin(annotation) in (typing.Union, types.UnionType):
+    origin = typing.get_origin(annotation)
+    if origin in (typing.Union, types.UnionType):
         annotation = next(
             each for each in typing.get_args(annotation) if each is not type(None)
         )
+        origin = typing.get_origin(annotation)
     if annotation in (float, Scalar):
         # a field without a unit accepts infinity in code, but no file means it
         infinite = unit.infinite and unit is not NUMBER
@@ -265,11 +274,11 @@ def value_from(
         )
     if annotation is str:
         return coerce.text(fields.at(name), fields.take(name))
-    if typing.get_origin(annotation) is typing.Literal:
+    if origin is typing.Literal:
         return fields.choice(name, typing.get_args(annotation))
     if annotation is bool:
         return fields.flag(name)
-    if typing.get_origin(annotation) is tuple:
+    if origin is tuple:
         return _several(typing.get_args(annotation)[0], fields, name)
     value, at = fields.take(name), fields.at(name)
     if annotation is Any:

@@ -130,12 +130,26 @@ def declared_units(of: object) -> dict[str, tuple[object, Unit]]:
     Empty if an annotation cannot be evaluated: a name that only type checkers import.
     """
     try:
-        full = typing.get_type_hints(of, include_extras=True)
-        # evaluated already, which takes the time
-        kinds = typing.get_type_hints(types.SimpleNamespace(__annotations__=full))
+        return _evaluated_units(of)
     except (NameError, TypeError):
         return {}
+
+
+@memoize
+def _evaluated_units(of: object) -> dict[str, tuple[object, Unit]]:
+    """Result of :func:`declared_units`; errors are not kept, since a name may be
+    defined later.
+    """
+    full = typing.get_type_hints(of, include_extras=True)
+    # evaluated already, which takes the time
+    kinds = typing.get_type_hints(types.SimpleNamespace(__annotations__=full))
     return {name: (kind, _unit(full[name])) for name, kind in kinds.items()}
+
+
+@memoize
+def parameters_of(function: Callable[..., object]) -> Mapping[str, inspect.Parameter]:
+    """Parameters of a function by name."""
+    return inspect.signature(function).parameters
 
 
 def unresolved_field(kind: type) -> str | None:

@@ -75,7 +75,6 @@ stands nowhere beside it.
 
 from __future__ import annotations
 
-import inspect
 import itertools
 import math
 from dataclasses import replace
@@ -87,10 +86,10 @@ from skyarm.records.arrays import Array, doubles
 from skyarm.records.files import Fields, shown
 from skyarm.records.read_table import options_from, record_from, takes_table
 from skyarm.records.registry import find
-from skyarm.records.units import FARTHEST
+from skyarm.records.units import FARTHEST, parameters_of
 from skyarm.reference.planned_motion import PlannedBody, plan_tables
 from skyarm.reference.signal_tables import window_of
-from skyarm.reference.signals import Signal, signal_from
+from skyarm.reference.signals import Constant, Signal, signal_from
 from skyarm.reference.task_records import Setting
 from skyarm.reference.tip_motion import FASTEST, STRONGEST, TipPush
 from skyarm.reference.trajectory import Trajectory, circle, hover
@@ -158,7 +157,7 @@ def motion_from(entry: object, where: str, setting: Setting) -> Trajectory:
     fields = Fields(entry, where)
     make = find("motion", fields.take("kind"), fields.at("kind"))
     # a registered motion of a user may have a number of that name
-    if "setting" in inspect.signature(make).parameters and make.__module__.startswith(
+    if "setting" in parameters_of(make) and make.__module__.startswith(
         "skyarm.reference."
     ):
         motion = make(fields, setting)
@@ -297,6 +296,8 @@ def _over_time(signal: Signal, duration: float) -> tuple[Array, Array]:
     """Instants (s) of a flight, switch times among them, and the values of a signal
     there.
     """
+    if type(signal) is Constant:
+        return np.zeros(1), doubles([signal.value])
     switches = sorted({0.0, *map(float, signal.switch_times()), duration})
     # a signal may be large between two switches that no even instant meets
     between = [0.5 * (a + b) for a, b in itertools.pairwise(switches)]

@@ -19,7 +19,6 @@ that is read runs code.
 from __future__ import annotations
 
 import dataclasses
-import inspect
 import math
 import os
 import warnings
@@ -77,7 +76,7 @@ from skyarm.records.leaves import (
 from skyarm.records.read_table import value_from
 from skyarm.records.registry.plugins import is_law_of_file, register_loaded_law
 from skyarm.records.registry.registrations import LOADED_BY
-from skyarm.records.units import NUMBER, Unit, declared_units
+from skyarm.records.units import NUMBER, Unit, declared_units, parameters_of
 from skyarm.records.words import words_of_fields
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario
 from skyarm.sensing.estimate.estimator import PASS_THROUGH, Estimator
@@ -434,9 +433,7 @@ def _of_options(
     options = suitable_options(law, timing)
     maker = entry_of(law).function()
     kinds = declared_units(Options) | declared_units(maker)
-    usual = {
-        name: each.default for name, each in inspect.signature(maker).parameters.items()
-    }
+    usual = {name: each.default for name, each in parameters_of(maker).items()}
     for own, option in option_words(law).items():
         if own in fields.table:
             options[option] = _read(

@@ -24,6 +24,7 @@ from skyarm.records.files.own_inputs import note_input
 from skyarm.records.files.paths import PathLike
 from skyarm.records.files.toml import Entry, read_toml
 from skyarm.records.files.writing import output_file
+from skyarm.records.immutable import memoize
 
 NO_FILE = "no such file"
 # a path through a file, or a ring of links, is no file either
@@ -224,8 +225,11 @@ def require_kind(document: object, expected: str) -> None:
         )
 
 
+@memoize
 def names_in(library: Traversable) -> tuple[str, ...]:
-    """Names of the files that the library ships in a folder."""
+    """Names of the files that the library ships in a folder, looked up once per
+    process.
+    """
     return tuple(
         sorted(
             Path(entry.name).stem
