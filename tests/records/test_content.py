@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections import Counter
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -20,6 +21,11 @@ from skyarm.scenario.scenario_record import first_state
 
 class Side(Enum):
     LEFT = "left"
+
+
+class Row(NamedTuple):
+    length: float
+    count: int
 
 
 def test_equal_records_of_other_kinds_have_another_content():
@@ -41,6 +47,19 @@ def test_a_vehicle_read_anew_has_the_content_of_the_first():
         other, base=dataclasses.replace(other.base, mass=other.base.mass + 1e-15)
     )
     assert content(given) == content(other) != content(moved)
+
+
+def test_a_vehicle_is_walked_once_and_a_row_has_its_own_class():
+    given = skyarm.load_vehicle("hummingbird_arm2")
+    assert content(given) is content(given) is not content(dataclasses.replace(given))
+    assert content(Row(1.0, 2)) == content(Row(1.0, 2)) != content((1.0, 2))
+
+
+def test_a_number_that_python_does_not_write_is_computed_each_time():
+    calls = []
+    keep_results(2)(calls.append)(10**5000)
+    keep_results(2)(calls.append)(10**5000)
+    assert len(calls) == 2
 
 
 @pytest.mark.parametrize(

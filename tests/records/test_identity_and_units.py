@@ -89,6 +89,7 @@ class Plain:
     label: str = "x"
     odd: float = None  # type: ignore[assignment]
     late: typing.Any = None
+    many: int = 1
 
 
 def test_a_plugins_record_without_metadata_is_looked_at_by_its_types() -> None:
@@ -102,6 +103,10 @@ def test_a_plugins_record_without_metadata_is_looked_at_by_its_types() -> None:
     for wrong, words in (
         (Plain(gain="a"), "forces[0].gain = 'a': must be a number"),  # type: ignore[arg-type]
         (Plain(gain=float("nan")), "forces[0].gain = nan: must be a number"),
+        (
+            Plain(many=-(2**53)),
+            "forces[0].many = -9007199254740992: must be below 2**53 in size",
+        ),
         (Plain(label=3), "forces[0].label = 3: must be text"),  # type: ignore[arg-type]
     ):
         with pytest.raises(RecordError) as error:

@@ -13,13 +13,14 @@ import types
 import typing
 from collections.abc import Callable, Mapping
 from functools import partial
+from operator import attrgetter
 from typing import Any, TypeGuard, TypeVar
 
 from skyarm.algebra import Mat3, Quaternion, Scalar, Sym3, Vec3
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, Rule, concrete, refuse
 from skyarm.records.immutable import declarations, memoize
-from skyarm.records.leaves import field_names
+from skyarm.records.leaves import values_named, values_of
 from skyarm.records.units import Unit, declared_fields
 
 Record = TypeVar("Record")
@@ -46,7 +47,8 @@ def accept_fields(
         ValueError: of the class ``error``: one line with field, value and what is
             allowed.
     """
-    coerce.accept(record, where, rules(type(record)), error)
+    kind = type(record)
+    coerce.accept(record, where, rules(kind), error, _checked_values(kind))
 
 
 def checked(
@@ -85,14 +87,16 @@ def require_fields(record: object, where: str, skipped: tuple[type, ...] = ()) -
     if isinstance(record, tuple):
         for i, item in enumerate(record):
             require_fields(item, f"{where}[{i}]", skipped)
-    elif (names := field_names(type(record))) is not None:
+    elif (values := values_of(type(record))) is not None:
         checks, usual = rules(type(record)), defaults(type(record))
-        for name in names:
-            value, at = getattr(record, name), f"{where}.{name}"
+        for (name, default), value in zip(usual.items(), values(record), strict=True):
+            at = f"{where}.{name}"
             # a default says itself what a field may hold
-            if name in checks and value is not usual.get(name, record):
+            if name in checks and value is not default:
                 checks[name](at, value)
-            require_fields(value, at, skipped)
+            # numbers and texts, which are most values, contain no others
+            if type(value) not in (float, int, str, bool):
+                require_fields(value, at, skipped)
 
 
 @memoize
@@ -105,6 +109,12 @@ def rules(kind: type) -> Mapping[str, Rule]:
         for name, (annotation, unit) in declared_fields(kind).items()
     }
     return {name: rule for name, rule in by_field.items() if rule is not None}
+
+
+@memoize
+def _checked_values(kind: type) -> Callable[[object], tuple[object, ...]]:
+    """Function that takes the values of a dataclass' fields of :func:`rules`."""
+    return values_named([*rules(kind)])
 
 
 @memoize
@@ -126,8 +136,7 @@ def _rule(annotation: object, unit: Unit) -> Rule | None:
     if origin in (typing.Union, types.UnionType):
         return _one_of(options, unit)
     if annotation in _NUMBERS:
-        make = _NUMBERS[annotation]
-        return lambda field, value: make(field, value, unit)
+        return _numeric(annotation, unit)
     # checks of a record's class are cheap, so no rule is made for each item
     if origin is tuple and len(options) == 2 and options[1] is Ellipsis:
         if _is_record(options[0]):
@@ -158,6 +167,36 @@ def _with_bounds(rule: Rule, unit: Unit) -> Rule:
         return converted
 
     return check
+
+
+def _numeric(annotation: object, unit: Unit) -> Rule:
+    """Make a check for a number, vector or matrix.
+
+    Numbers of the stored type between the bounds, as almost all are, pass it at once.
+    """
+    make, stored = _NUMBERS[annotation], _STORED.get(annotation, ())
+    low = max(unit.low, -unit.largest, -WHOLE)
+    high = min(unit.high, unit.largest, WHOLE)
+    if annotation in (Vec3, Quaternion):
+        numbers = attrgetter(*annotation.__slots__)
+
+        def several(field: str, value: Any) -> object:
+            if type(value) is annotation:
+                for each in numbers(value):
+                    if not (type(each) in stored and low < each < high):
+                        break
+                else:
+                    return value
+            return make(field, value, unit)
+
+        return several
+
+    def one(field: str, value: Any) -> object:
+        if type(value) in stored and low < value < high:
+            return value
+        return make(field, value, unit)
+
+    return one
 
 
 def _is_record(annotation: object) -> TypeGuard[type]:
@@ -285,6 +324,16 @@ _NUMBERS: Mapping[object, Callable[[str, object, Unit], object]] = {
 }
 
 
+_STORED: Mapping[object, tuple[type, ...]] = {
+    float: (float,),
+    int: (int,),
+    Scalar: (float, int),
+    Vec3: (float, int),
+    Quaternion: (float, int),
+}
+"""Types of the numbers that a field of each annotation stores as they are."""
+
+
 def _one_of(options: tuple[object, ...], unit: Unit) -> Rule | None:
     """Make a check for a union type: the first member type that accepts a value
     converts it.
@@ -370,7 +419,8 @@ def _many_records(kind: type) -> Rule:
             refuse(field, value, f"must be a tuple of {kind.__name__}")
         records = value if isinstance(value, tuple) else tuple(value)
         for i, each in enumerate(records):
-            item(f"{field}[{i}]", each)
+            if not isinstance(each, kind):
+                item(f"{field}[{i}]", each)
         return records
 
     return rule

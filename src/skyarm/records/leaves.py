@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import Enum
+from operator import attrgetter
 from typing import Any, ClassVar, Protocol, TypeAlias, TypeGuard, TypeVar, cast
 
 from skyarm.algebra import Scalar
@@ -63,6 +64,26 @@ def field_names(kind: type) -> tuple[str, ...] | None:
         if dataclasses.is_dataclass(kind)
         else None
     )
+
+
+@memoize
+def values_of(kind: type) -> Callable[[Any], tuple[Any, ...]] | None:
+    """Function that takes the values of all fields of a dataclass at once, in their
+    order; None for any other type.
+    """
+    names = field_names(kind)
+    return None if names is None else values_named(names)
+
+
+def values_named(names: Sequence[str]) -> Callable[[Any], tuple[Any, ...]]:
+    """Function that takes the values of several attributes at once."""
+    if len(names) > 1:
+        return attrgetter(*names)
+    if not names:
+        return lambda record: ()
+    # of one name an attrgetter makes no tuple
+    only = attrgetter(*names)
+    return lambda record: (only(record),)
 
 
 def is_record_class(kind: object) -> TypeGuard[type]:

@@ -25,6 +25,7 @@ from skyarm.records.coerce import (
     unit_vector,
     vector,
 )
+from skyarm.records.content import keep_content
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import must_be_one_of
 from skyarm.records.immutable import UNWRITTEN, field_if_any, immutable
@@ -299,6 +300,7 @@ class MountedDrive:
             refuse(f"drives.{self.name}", self.drive, "must be a Drive")
 
 
+@keep_content
 @immutable
 class Vehicle:
     """Vehicle: airframe, rotors, and a tree of joints and links (the arm).
