@@ -13,13 +13,13 @@ import dataclasses
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
 from skyarm.records.files import Fields, number, shown
 from skyarm.records.files.toml import Entry
-from skyarm.records.leaves import Place, field_names, part, replace_at
+from skyarm.records.leaves import Place, Tree, field_names, part, replace_at
 from skyarm.records.members import SOLE
 from skyarm.records.path_names import AGENTS
 from skyarm.records.read_table import (
@@ -35,6 +35,7 @@ from skyarm.scenario import readers
 from skyarm.scenario.paths import is_below
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.vehicle import Vehicle
+from skyarm.world import Component
 
 OF_AGENT_ALONE = {"environment.faults": "faults"}
 """Keys that have another name in the table of an agent."""
@@ -53,10 +54,15 @@ OPTIONAL: Mapping[str, object] = {
 """Keys that are read although a file leaves them out, each with the entry that their
 reader then receives."""
 
+OF_PLANT = ("plant", "model")
+"""Keys that a reader of plant and model alone reads: of all agents that state neither
+they are the same records."""
+
 OF_SCENARIO = ("initial", "reference.governor")
 """Keys whose readers need all other fields of the scenario."""
 
 
+@cache
 def slot_of(path: str) -> Slot:
     """Declaration of the scenario-file key at a given key path."""
     return next(slot for slot in slots(Scenario) if slot.path == path)
@@ -144,6 +150,7 @@ class Document:
         self._tables = {"": Fields(dict(tables), "")}
         self._words: dict[str, Any] = {}
         self._vehicles: dict[str, Vehicle] = {}
+        self._worlds: list[Component[Tree]] = []
         named = self.table("").take(AGENTS, None)
         if named is not None and (not isinstance(named, dict) or not named):
             raise ValueError(
@@ -243,7 +250,10 @@ class Document:
         the file leaves the key out.
         """
         slot = slot_of(path)
-        if self._whole is not None and slot.place[0] != "agent":
+        shared = slot.place[0] != "agent" or (
+            path in OF_PLANT and self._own.isdisjoint(OF_PLANT)
+        )
+        if self._whole is not None and shared:
             return self._whole.word(path)
         if path not in self._words:
             entry = self.entry(slot)
@@ -301,6 +311,16 @@ class Document:
             )
         return self._vehicles[str(named)]
 
+    @property
+    def stated_world(self) -> Component[Tree]:
+        """Contact model as [world] states it, without commands of a task; read once
+        for the team and for the scenario.
+        """
+        if not self._worlds:
+            entry = self.entry_at("world")
+            self._worlds.append(readers.stated_world(entry, "world", self.folder))
+        return self._worlds[0]
+
     @cached_property
     def setting(self) -> Setting:
         """Flight data for reading a reference, with the events of a task once its
@@ -351,15 +371,20 @@ class Document:
             for slot in slots_below
         }
 
+    @property
+    def has_governor(self) -> bool:
+        """True if [reference.governor] is stated and not false."""
+        return self.entry(slot_of("reference.governor")) is not False
+
     def plan_time(self, scenario: Scenario) -> Scenario:
         """Apply the time scaling that [reference.governor] requests to the reference of
         a scenario.
         """
-        entry = self.entry(slot_of("reference.governor"))
-        if entry is False:
+        if not self.has_governor:
             return scenario
         from skyarm.scenario.path_governor import governed_by_table
 
+        entry = self.entry(slot_of("reference.governor"))
         return governed_by_table(scenario, entry, self.setting.events)
 
 

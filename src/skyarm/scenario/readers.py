@@ -7,7 +7,6 @@ others.
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -67,6 +66,7 @@ from skyarm.world import Component, Payload, TimedPayload, wind_from
 
 if TYPE_CHECKING:
     from skyarm.reference.feasibility import Feasibility
+    from skyarm.world.contact.contact import Contact
     from skyarm.world.team import Team
 
 LAW = "controller.law"
@@ -109,6 +109,11 @@ class ScenarioWords(Protocol):
     @property
     def agents(self) -> Collection[str]:
         """Names of all agents."""
+        ...
+
+    @property
+    def stated_world(self) -> Component[Tree]:
+        """Contact model as [world] states it, without commands of a task."""
         ...
 
     def entry_at(self, path: str) -> Entry:
@@ -273,11 +278,7 @@ def world(
     """Read [world]: surfaces, objects, contact points and grippers, which phases of a
     task may command.
     """
-    component: Component[Tree] | None = None
-    if entry is not None:
-        component = registered_from(
-            "world", Component, with_files(entry, path, reading.folder), path, "contact"
-        )
+    component = None if entry is None else reading.stated_world
     for agent, every in reading.events:
         events = [event for event in every if event.gripper]
         component = (
@@ -286,6 +287,13 @@ def world(
             else component
         )
     return component
+
+
+def stated_world(entry: Entry, path: str, folder: Path) -> Component[Tree]:
+    """Read [world] without commands of a task."""
+    return registered_from(
+        "world", Component, with_files(entry, path, folder), path, "contact"
+    )
 
 
 def payloads(
@@ -510,15 +518,10 @@ def team(entry: object, path: str, reading: ScenarioWords) -> Team:
     """Read [team]; what it leaves out of members and body is that of [world], the
     motion is [reference.object].
     """
-    from skyarm.world.contact.contact import Contact
     from skyarm.world.team import Member, Team
 
     record = registered_from("team", Team, entry, path, word="law")
-    # reading takes keys out of it, which the reader of [world] needs again
-    world = copy.deepcopy(reading.entry_at("world"))
-    contact = registered_from(
-        "world", Contact, with_files(world, "world", reading.folder), "world", "contact"
-    )
+    contact = _stated_contact(reading)
     objects = {each.name: each for each in contact.objects}
     if record.object not in objects:
         raise ValueError(
@@ -607,6 +610,19 @@ def team(entry: object, path: str, reading: ScenarioWords) -> Team:
         mass=record.mass or body.mass,
         inertia=record.inertia if any(record.inertia) else body.moments,
         com=com,
+    )
+
+
+def _stated_contact(reading: ScenarioWords) -> Contact:
+    """Contact model of [world], whose objects a team can hold."""
+    from skyarm.world.contact.contact import Contact
+
+    world = reading.stated_world
+    if isinstance(world, Contact):
+        return world
+    stated = Fields(reading.entry_at("world"), "world").take("kind")
+    raise ValueError(
+        f"world.kind = {stated!r}: must be registered as a subclass of Contact"
     )
 
 

@@ -339,12 +339,12 @@ def _scenario_of(document: Document) -> Scenario:
             )
             own = _with_stated_numbers(own, of_law) if of_law else own
             warn_of_own_options(own, made, document.law)
-    return replace(
-        made,
-        agents={
-            name: each.plan_time(made.of(name)).agent for name, each in members.items()
-        },
-    )
+    governed = {
+        name: each.plan_time(made.of(name)).agent
+        for name, each in members.items()
+        if each.has_governor
+    }
+    return replace(made, agents={**made.agents, **governed}) if governed else made
 
 
 class TwoLoadsWarning(UserWarning):
