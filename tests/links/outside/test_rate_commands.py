@@ -20,12 +20,12 @@ from skyarm.links.autopilots.px4_parameters import (
     rate_gains,
     torque_of_signal,
 )
+from skyarm.links.outside.outside_law import LoopSettings
 from skyarm.links.outside.rate_commands import (
     GuidedRateLoop,
     IdealRateLoop,
     PidRateLoop,
     angular_acceleration,
-    rate_command,
     rotor_wrench,
 )
 from skyarm.links.outside.rate_settings import NAMES, px4_rate_loop
@@ -100,9 +100,9 @@ def test_an_ideal_rate_loop_gives_the_acceleration_of_the_law(seed):
     command = Command(rotor_speeds=speeds, efforts=efforts)
     zero = Vec3(0.0, 0.0, 0.0)
     reference = hover((0.0, 0.0, 1.0), joints=(0.0,) * model.vehicle.n).at(0.0)
-    _, found = rate_command(
-        model, loop, 20.0, zero, zero, measured, reference, command, 0.005
-    )
+    _, found = LoopSettings(
+        period=0.005, rate_loop=loop, full_thrust=20.0, center=zero
+    ).set_point(model, zero, measured, reference, command)
     given = np.array(BANDWIDTH) * (
         np.array([*found.rates]) - np.array([*measured.rate])
     )
@@ -225,13 +225,13 @@ def test_thrust_is_a_share_of_the_highest():
     reference = hover((0.0, 0.0, 1.0), joints=(0.0,) * vehicle.n).at(0.0)
     loop = IdealRateLoop(bandwidth=BANDWIDTH)
     command = Command(rotor_speeds=speeds, efforts=efforts)
-    _, found = rate_command(
-        model, loop, full, zero, zero, measured, reference, command, 0.005
-    )
+    _, found = LoopSettings(
+        period=0.005, rate_loop=loop, full_thrust=full, center=zero
+    ).set_point(model, zero, measured, reference, command)
     assert found.thrust == pytest.approx(0.25)
-    _, found = rate_command(
-        model, loop, 0.1 * full, zero, zero, measured, reference, command, 0.005
-    )
+    _, found = LoopSettings(
+        period=0.005, rate_loop=loop, full_thrust=0.1 * full, center=zero
+    ).set_point(model, zero, measured, reference, command)
     assert found.thrust == 1.0
 
 
@@ -249,9 +249,9 @@ def test_torques_are_about_the_point_that_the_autopilot_allocates_about():
     zero, center = Vec3(0.0, 0.0, 0.0), Vec3(0.03, -0.02, 0.1)
     torques = []
     for point in (zero, center):
-        _, found = rate_command(
-            model, loop, 20.0, point, zero, measured, reference, command, 0.005
-        )
+        _, found = LoopSettings(
+            period=0.005, rate_loop=loop, full_thrust=20.0, center=point
+        ).set_point(model, zero, measured, reference, command)
         torques.append(np.array([*found.rates]) - np.array([*measured.rate]))
     force = np.array([float(c) for c in rotor_wrench(model.vehicle, speeds).force])
     assert torques[0] - torques[1] == pytest.approx(

@@ -29,7 +29,7 @@ from skyarm.links.outside.px4_topics import MOST_MOTORS
 from skyarm.links.outside.rate_commands import (
     RateCommand,
     RateLoop,
-    rate_command,
+    angular_acceleration,
     rotor_wrench,
 )
 from skyarm.records.arrays import Array
@@ -163,17 +163,17 @@ class LoopSettings:
         """Body rates and thrust for a law's command, and the rate loop's integral
         torque after the period.
         """
-        return rate_command(
-            model,
-            self.rate_loop,
-            self.full_thrust,
-            self.center,
-            integral,
-            measurement,
-            reference,
-            command,
-            self.period,
+        applied = rotor_wrench(model.vehicle, command.rotor_speeds)
+        torque = applied.torque - self.center.cross(applied.force)
+        turning = angular_acceleration(
+            model, measurement, reference, applied, command.efforts
         )
+        following, error = self.rate_loop.rate_error(
+            integral, torque, turning, self.period
+        )
+        share = clip(applied.force.z / self.full_thrust, 0.0, 1.0)
+        # the measured rate plus the error: the loop subtracts the rate that it measures
+        return following, RateCommand(rates=measurement.rate + error, thrust=share)
 
 
 @immutable

@@ -34,7 +34,6 @@ from skyarm.algebra import (
 from skyarm.algebra.scalars import clip
 from skyarm.control.blocks.prediction import Disturbance, acceleration
 from skyarm.control.model import Model
-from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.mixer import allocation_matrix
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.records.field_rules import checked
@@ -226,40 +225,3 @@ def angular_acceleration(
     M = dynamics.mass_matrix(vehicle, Mat3.identity(), joints)
     rest = [*(applied.force - bias.force), *(applied.torque - bias.torque)]
     return Vec3(*ldl_solve([row[:6] for row in M[:6]], rest)[3:6])
-
-
-def rate_command(
-    model: Model,
-    loop: RateLoop,
-    full_thrust: Scalar,
-    center: Vec3,
-    integral: Vec3,
-    measurement: Measurement,
-    reference: Reference,
-    command: Command,
-    dt: Scalar,
-) -> tuple[Vec3, RateCommand]:
-    """Body-rate set point by which a rate loop applies a law's command, and the loop's
-    next integral torque.
-
-    Args:
-        model: law's model.
-        loop: rate loop of the autopilot.
-        full_thrust: N, that the autopilot gives at a thrust set point of 1.
-        center: point about which the autopilot shares torques among the rotors, base
-            axes, m.
-        integral: torque of the loop's integral, N m.
-        measurement: law's measurement of this period.
-        reference: likewise.
-        command: likewise.
-        dt: s.
-    """
-    applied = rotor_wrench(model.vehicle, command.rotor_speeds)
-    torque = applied.torque - center.cross(applied.force)
-    turning = angular_acceleration(
-        model, measurement, reference, applied, command.efforts
-    )
-    following, error = loop.rate_error(integral, torque, turning, dt)
-    share = clip(applied.force.z / full_thrust, 0.0, 1.0)
-    # the measured rate plus the error: the loop subtracts the rate that it measures
-    return following, RateCommand(rates=measurement.rate + error, thrust=share)
