@@ -23,6 +23,9 @@ Memory = TypeVar("Memory")
 LawOptions = Mapping[str, Any]
 """Options of a control law by name, from a file or a call, not yet checked."""
 
+OptionRanges = Mapping[str, tuple[float | tuple[float, ...], float, float]]
+"""Default, least and largest value of each option of a control law."""
+
 Law = Callable[..., tuple[Any, Command]]
 """Signature of a control law: step(memory, measurement, reference, dt, *, par) ->
 (memory, command)."""

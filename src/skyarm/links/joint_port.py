@@ -32,8 +32,6 @@ the arm."""
 
 HEADER = struct.Struct("<4sBBHd")
 
-MOST_JOINTS = 32
-
 MOST_AGES = 10_000
 """Number of command ages that are stored."""
 

@@ -405,7 +405,10 @@ def _row(case: str, controller: str, name: str, cell: Record, plant: str) -> lis
     return [metric(name).label, metric(name).unit, controller, paper, *ours, *apart]
 
 
-Logs = Mapping[str, Mapping[str, Mapping[str, Log]]]
+LogsOfLaws = Mapping[str, Mapping[str, Log]]
+"""case -> law -> log."""
+
+Logs = Mapping[str, LogsOfLaws]
 """plant -> case -> law -> log."""
 
 MAIN = "report.html"
@@ -555,7 +558,7 @@ def _kinds(case: str) -> dict[str, str]:
 
 
 def flight_figures(
-    logs: Mapping[str, Mapping[str, Log]],
+    logs: LogsOfLaws,
 ) -> dict[str, Callable[[], Picture]]:
     """Functions that make the figures of a plant's flights over time, by name: base,
     joints and tip in each case.

@@ -42,6 +42,7 @@ from skyarm.paper.inferred_settings import (
 from skyarm.paper.published import CASES, Record
 from skyarm.paper.report_pages import (
     MAIN,
+    LogsOfLaws,
     case_files,
     figure_name,
     flight_figures,
@@ -232,7 +233,7 @@ class Drawing:
         self.shown: dict[str, bytes] = {}
         self._left: list[Callable[[], None]] | None = None
 
-    def step(self, logs: Callable[[], Mapping[str, Mapping[str, Log]]]) -> bool:
+    def step(self, logs: Callable[[], LogsOfLaws]) -> bool:
         """Draw another figure; False if all are drawn. ``logs`` gives case -> law ->
         log.
 
@@ -246,9 +247,7 @@ class Drawing:
             del self._left[0]
         return bool(self._left)
 
-    def _drawings(
-        self, logs: Mapping[str, Mapping[str, Log]]
-    ) -> list[Callable[[], None]]:
+    def _drawings(self, logs: LogsOfLaws) -> list[Callable[[], None]]:
         figures = {
             figure_name(number): figure
             for number, figure in paper_figures(logs, WINDOWS).items()

@@ -360,7 +360,7 @@ def problem_of(
     task: Task,
     stage: CompiledStage,
     counts: Sequence[int],
-    clearance: Array | float = 0.0,
+    clearance: Array | float,
 ) -> PlanProblem:
     """Goals, limits and data of all stages of a task; ``clearance`` (m) of all nodes or
     of each.

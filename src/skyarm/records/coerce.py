@@ -67,39 +67,6 @@ def absent(value: object) -> bool:
 _STRUCTURE = (-1, 0, 1)
 
 
-def accept(
-    record: object,
-    where: str,
-    rules: Mapping[str, Rule],
-    error: type[ValueError] = RecordError,
-    values: Callable[[object], tuple[object, ...]] | None = None,
-) -> None:
-    """Convert the fields of a frozen dataclass under construction to their stored
-    types.
-
-    Args:
-        record: the dataclass.
-        where: name of the record in messages; empty for none.
-        rules: conversion of each field by its name.
-        error: class of what is raised.
-        values: function that takes the values of these fields at once; None to look
-            them up.
-
-    Raises:
-        ValueError: of the class ``error``.
-    """
-    take = values or (lambda record: tuple(getattr(record, name) for name in rules))
-    try:
-        for (name, rule), given in zip(rules.items(), take(record), strict=True):
-            converted = rule(f"{where}.{name}" if where else name, given)
-            if converted is not given:
-                # frozen records are set past their own guard while they are made
-                object.__setattr__(record, name, converted)
-    # rules raise one class; each record has an error of its own for its users
-    except RecordError as refusal:
-        raise error(str(refusal)) from None
-
-
 def number(field: str, value: object) -> Scalar:
     """Convert a scalar: plain numbers become floats; arrays of a batch and traced
     scalars stay as they are.

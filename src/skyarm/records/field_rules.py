@@ -48,7 +48,16 @@ def accept_fields(
             allowed.
     """
     kind = type(record)
-    coerce.accept(record, where, rules(kind), error, _checked_values(kind))
+    given = zip(rules(kind).items(), _checked_values(kind)(record), strict=True)
+    try:
+        for (name, rule), value in given:
+            converted = rule(f"{where}.{name}" if where else name, value)
+            if converted is not value:
+                # frozen records are set past their own guard while they are made
+                object.__setattr__(record, name, converted)
+    # rules raise one class; each record has an error of its own for its users
+    except RecordError as refusal:
+        raise error(str(refusal)) from None
 
 
 def checked(

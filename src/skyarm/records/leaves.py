@@ -177,7 +177,7 @@ def named_leaves(record: object, where: str = "") -> Iterator[tuple[str, Scalar]
     )
 
 
-def named_parts(record: object, where: str = "") -> Iterator[tuple[str, object]]:
+def named_parts(record: object, where: str) -> Iterator[tuple[str, object]]:
     """Dotted path and value of every number, text or flag of a nested dataclass,
     constants included.
     """

@@ -31,11 +31,6 @@ class Named(Protocol):
     def __name__(self) -> str: ...
 
 
-WRITTEN_IF_ANY = {UNWRITTEN: None}
-"""Metadata of a field that plain data contains only if it is not empty, so that digests
-of older records stay the same."""
-
-
 def plain(value: object) -> Any:
     """Convert nested dataclasses to plain data: tables, lists, numbers, texts, true,
     false, null.

@@ -358,7 +358,7 @@ def registered_from(
 
 
 def registered_value(
-    kind: str, base: type[Record], entry: object, where: str, usual: str = ""
+    kind: str, base: type[Record], entry: object, where: str, usual: str
 ) -> Record:
     """Read one registered record (:func:`registered_from`) from its table or, with
     default values, from its name.
@@ -369,7 +369,7 @@ def registered_value(
 
 
 def registered_values(
-    kind: str, base: type[Record], entry: object, where: str, usual: str = ""
+    kind: str, base: type[Record], entry: object, where: str, usual: str
 ) -> tuple[Record, ...]:
     """Read several registered records (:func:`registered_from`) from a list of
     tables.

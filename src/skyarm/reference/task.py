@@ -56,7 +56,7 @@ NOWHERE = 1e-6
 
 
 def guard_from(
-    phase: Fields, normal: Place | None, usual: Mapping[str, Any] | None = None
+    phase: Fields, normal: Place | None, usual: Mapping[str, Any] | None
 ) -> dict[str, Any] | None:
     """Condition that ends a task phase, from the table ``until`` of the phase; None
     without a condition.

@@ -225,7 +225,7 @@ def with_commands(
     world: Component[Tree] | None,
     events: Sequence[TaskEvent],
     control_rate: float,
-    agent: str = "",
+    agent: str,
 ) -> Component[Tree] | None:
     """Contact model whose grippers close and open in the task phases that name them.
 

@@ -117,8 +117,8 @@ def save_scenario(
 def tables_of(
     scenario: Scenario,
     tables: Mapping[str, Entry],
-    folder: PathLike = "",
-    controller: str | None = None,
+    folder: PathLike,
+    controller: str | None,
 ) -> Tables:
     """Tables of a scenario file for a scenario, derived from the tables of the scenario
     that it was made from.

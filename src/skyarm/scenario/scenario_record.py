@@ -66,6 +66,9 @@ else:
     # a world is imported when a scenario has one
     Contact = Team = AnyComponent = Component
 
+PlacedModels = tuple[tuple[str, AnyComponent], ...]
+"""Environment models, each after its parameter path."""
+
 PLANTS = ("rigid_body", "mujoco")
 """Kinds of plants for the paper's cases; the registry lists all."""
 
@@ -539,7 +542,7 @@ class Environment:
         return (Surface(name="ground"), *still)
 
     @property
-    def placed_models(self) -> tuple[tuple[str, AnyComponent], ...]:
+    def placed_models(self) -> PlacedModels:
         """Wind, air and added forces with their parameter paths, such as
         ``environment.air[0]``.
         """
@@ -731,9 +734,7 @@ class Agent:
         joints = self.plant.vehicle.joints if given else ()
         return tuple(given.get(joint.name, TORQUE_DRIVE) for joint in joints)
 
-    def placed_models(
-        self, environment: Environment
-    ) -> tuple[tuple[str, AnyComponent], ...]:
+    def placed_models(self, environment: Environment) -> PlacedModels:
         """Environment models that the vehicle has for itself, with their parameter
         paths: wind, payloads, battery.
         """
@@ -1083,7 +1084,7 @@ class Scenario(ShortNames):
         Raises:
             ScenarioError: there are several; the message names them.
         """
-        only, *others = cast("Members[Agent]", self.agents).records
+        only, *others = self._members.records
         if others:
             raise ScenarioError(SEVERAL.format(", ".join(self.agents)))
         return only
@@ -1098,7 +1099,7 @@ class Scenario(ShortNames):
         """Names of the vehicles that fly beside the one of this scenario, which
         :meth:`of` made; () of a whole one.
         """
-        return cast("Members[Agent]", self.agents).others
+        return self._members.others
 
     def alone(self, purpose: str) -> Scenario:
         """Scenario itself, for a purpose that takes the flight of one vehicle without
@@ -1237,7 +1238,7 @@ class Scenario(ShortNames):
         return (*self.own_components(self.agent), *self.shared_components)
 
     @property
-    def placed_components(self) -> tuple[tuple[str, AnyComponent], ...]:
+    def placed_components(self) -> PlacedModels:
         """All environment models of one vehicle with their parameter paths, such as
         ``environment.air[0]``.
         """
@@ -1259,7 +1260,7 @@ class Scenario(ShortNames):
         return tuple(component for _, component in self.placed_shared)
 
     @property
-    def placed_shared(self) -> tuple[tuple[str, AnyComponent], ...]:
+    def placed_shared(self) -> PlacedModels:
         """Environment models that all vehicles share, with their parameter paths."""
         together = (
             (at, each) for at, each in self.environment.placed_models if each.shared

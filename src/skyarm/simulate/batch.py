@@ -22,7 +22,7 @@ from skyarm.scenario.in_flight import require_changes, stretches
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, noise_key
 from skyarm.simulate.batch_leg import Leg, LegOptions, Tallies
-from skyarm.simulate.batch_log import BatchLog, Logged, batch_logs
+from skyarm.simulate.batch_log import BatchLog, LoggedRows, batch_logs
 from skyarm.simulate.examine import require_shapes
 from skyarm.simulate.lane_numbers import (
     LaneRules,
@@ -254,13 +254,13 @@ class Batch:
 
     def _fly_legs(
         self, columns: list[Array], seed: int, episodes: Array, threads: int
-    ) -> tuple[list[tuple[LoopState, Tallies]], list[tuple[tuple[Logged, ...], Array]]]:
+    ) -> tuple[list[tuple[LoopState, Tallies]], list[LoggedRows]]:
         """Simulate a batch from change to change; return final states and metric sums
         per interval, and all logs.
         """
         last: tuple[Leg, Array] | None = None
         ends = list[tuple[LoopState, Tallies]]()
-        log = list[tuple[tuple[Logged, ...], Array]]()
+        log = list[LoggedRows]()
         for leg in self._legs:
             parameters = leg.parameters(columns, len(episodes))
             carry = leg.begin(parameters, seed, episodes, last)

@@ -31,7 +31,7 @@ from skyarm.reference import Reference
 from skyarm.scenario.in_flight import Overrides, overrides_at, sources
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.batch_log import Logged
+from skyarm.simulate.batch_log import Logged, LoggedRows
 from skyarm.simulate.check_endings import LaneEnd, both_hold, columns_below, statuses
 from skyarm.simulate.first_state import component_places
 from skyarm.simulate.inputs import episode_inputs, held_reference, table_of
@@ -57,7 +57,7 @@ from skyarm.simulate.program import (
 )
 from skyarm.simulate.reference_clock import Waits, clocks_of_change, other_references
 from skyarm.simulate.stages import AgentStages
-from skyarm.simulate.tip_and_goal import goal_of, tool_of
+from skyarm.simulate.tip_and_goal import goal_of, tip_at
 from skyarm.world.component import by_array, columns_of_agent
 
 Tallies = tuple[Totals, ...]
@@ -211,7 +211,7 @@ def _instant(
     """
     vehicle = stages.scenario.agent.vehicle
     waits = stages.waits
-    command = sample.command
+    command, state = sample.command, sample.state
     if not goals:
         free = waits.reference(*waits.instants(waits.log_values(own.clock, ticks))[1])
         goals = goal_of(vehicle, row.reference.dense()), goal_of(vehicle, free.dense())
@@ -219,8 +219,8 @@ def _instant(
     push, parts = _contact_inputs(stages.scenario, row, sample)
     pairs = zip(command.rotor_speeds, own.queue[-1].rotor_speeds, strict=True)
     return MetricInstant(
-        state=sample.state,
-        tool=tool_of(vehicle, sample.state),
+        state=state,
+        tool=tip_at(vehicle, state.position, state.quaternion, state.joints),
         command=command,
         before=tuple(where(first, new, old) for new, old in pairs),
         held=goals[0],
@@ -552,7 +552,7 @@ class Leg:
 
     def fly(
         self, carry: Array, parameters: Array, seed: int, episodes: Array, threads: int
-    ) -> tuple[Array, list[tuple[tuple[Logged, ...], Array]]]:
+    ) -> tuple[Array, list[LoggedRows]]:
         """Simulate the interval for all flights; return final loop states with metric
         sums, and the logged samples.
         """
@@ -562,7 +562,7 @@ class Leg:
         logged = self.code.logged
         every = max(1, self._options.every)
         limit = np.finfo(kernel.dtype).max
-        log: list[tuple[tuple[Logged, ...], Array]] = []
+        log: list[LoggedRows] = []
         # samples are kept at multiples of ``every`` from the beginning of the flight
         aligned = min(-(-self.periods.start // every) * every, self.periods.stop)
         for start, stop in (

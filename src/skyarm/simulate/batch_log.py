@@ -57,9 +57,11 @@ class BatchLog:
     estimate: Measurement | None = None
 
 
-def batch_logs(
-    legs: Sequence[tuple[tuple[Logged, ...], Array]], time: Array
-) -> list[BatchLog]:
+LoggedRows = tuple[tuple[Logged, ...], Array]
+"""Logged record of each vehicle, and their rows, (samples, leaves, lanes)."""
+
+
+def batch_logs(legs: Sequence[LoggedRows], time: Array) -> list[BatchLog]:
     """Make the log of each vehicle of a batch from the samples that compiled code
     wrote.
 

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.scalars.philox import uniforms
+from skyarm.compile.tracing.program import Channels
 from skyarm.plant.surroundings import AnyComponent
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import positional
@@ -50,19 +51,19 @@ class Draws:
             of the models that all share.
     """
 
-    sensors: tuple[tuple[tuple[int, int], ...], ...]
-    components: tuple[tuple[tuple[int, int], ...], ...]
-    shared: tuple[tuple[int, int], ...] = ()
+    sensors: tuple[Channels, ...]
+    components: tuple[Channels, ...]
+    shared: Channels = ()
 
     @property
-    def models(self) -> tuple[tuple[int, int], ...]:
+    def models(self) -> Channels:
         """Channel and count of every environment model: those of each vehicle in turn,
         then the shared ones.
         """
         return (*chain.from_iterable(self.components), *self.shared)
 
     @property
-    def channels(self) -> tuple[tuple[int, int], ...]:
+    def channels(self) -> Channels:
         """List the random-number streams in use, as pairs of stream number and random
         numbers per control period.
         """
@@ -76,7 +77,7 @@ class Draws:
         # in the order of ``channels``: what one part takes the next cannot
         left = iter(row)
 
-        def shares_of(pairs: tuple[tuple[int, int], ...]) -> list[Scalars]:
+        def shares_of(pairs: Channels) -> list[Scalars]:
             return [tuple(islice(left, count)) for _, count in pairs]
 
         sensors, components = (
@@ -129,7 +130,7 @@ def _by_kind(components: Sequence[AnyComponent], of: str) -> list[tuple[int, int
     return rows
 
 
-def draws_needed(scenario: Scenario) -> tuple[tuple[int, int], ...]:
+def draws_needed(scenario: Scenario) -> Channels:
     """List the random-number streams of a scenario, as pairs of stream number and
     random numbers per control period.
     """

@@ -244,9 +244,7 @@ def read(log: Log | PathLike) -> Log:
         return as_log(log)
 
 
-def scenario_to_replay(
-    log: Log, controller: str | Controller | None = None
-) -> Scenario:
+def scenario_to_replay(log: Log, controller: str | Controller | None) -> Scenario:
     """Scenario of a logged flight, optionally with its controller replaced.
 
     Raises:

@@ -32,9 +32,7 @@ from skyarm.simulate.stages import AgentStages, Stages
 Flat = tuple[float, ...]
 
 
-def rigid_body_plant(
-    scenario: Scenario, first: LoopState | None = None
-) -> RigidBodyPlant:
+def rigid_body_plant(scenario: Scenario, first: LoopState | None) -> RigidBodyPlant:
     """Rigid-body plant of a scenario, from which the number of integration steps
     follows.
 
@@ -368,7 +366,7 @@ class CalledPlant:
         size = 3 * len(states)
         forces = graph.external(self._specific_force, groups, size)
         turns = (
-            graph.external(self._angular_acceleration, groups, size)
+            graph.external(self._plant.angular_acceleration, groups, size)
             if self._turning
             else [0] * size
         )
@@ -408,9 +406,6 @@ class CalledPlant:
     def _specific_force(self, state: Flat, command: Flat, around: Flat) -> Flat:
         self._read = state, around
         return self._plant.specific_force(state, command, around)
-
-    def _angular_acceleration(self, state: Flat, command: Flat, around: Flat) -> Flat:
-        return self._plant.angular_acceleration(state, command, around)
 
     def _advance(self, state: Flat, before: Flat, after: Flat, around: Flat) -> Flat:
         # a plant that has just been given these tuples need not read them again

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from skyarm.algebra import Scalars
 from skyarm.compile import Program, trace
 from skyarm.compile.tracing.array_evaluation import evaluate
-from skyarm.compile.tracing.program import Loop, trace_loop
+from skyarm.compile.tracing.program import Channels, Loop, trace_loop
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.metrics.metric import MetricGoal
@@ -137,7 +137,7 @@ class LoopProgram:
         return first_loop_state(self.scenario)
 
     @cached_property
-    def draws(self) -> tuple[tuple[int, int], ...]:
+    def draws(self) -> Channels:
         """Channel and count of the uniform numbers that a period draws."""
         return draws_needed(self.scenario)
 

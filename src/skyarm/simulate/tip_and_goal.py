@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 from skyarm.algebra import Quaternion, Scalars, Vec3
-from skyarm.dynamics import State, frame_pose
+from skyarm.dynamics import frame_pose
 from skyarm.log.metrics.metric import MetricGoal
 from skyarm.reference import Reference
 from skyarm.vehicle import Vehicle
 
 
-def tool_of(vehicle: Vehicle, state: State) -> Vec3:
-    """Tip position (m), world axes; position of the base origin if the vehicle has no
-    tip.
-    """
-    return tip_at(vehicle, state.position, state.quaternion, state.joints)
-
-
 def tip_at(
     vehicle: Vehicle, position: Vec3, quaternion: Quaternion, joints: Scalars
 ) -> Vec3:
-    """Tip position (m), world axes, from base position, attitude and joint
-    positions.
+    """Tip position (m), world axes, from base position, attitude and joint positions.
+
+    Without a tip it is the position of the base origin.
     """
     # without a tip the metrics of the tip are those of the base
     if not vehicle.end_effector:

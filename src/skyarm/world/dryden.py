@@ -27,7 +27,7 @@ from typing import Annotated
 
 from skyarm.algebra import E_X, E_Z, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import divide, exp, log, maximum, sqrt, where
-from skyarm.records.coerce import accept, concrete, unit_vector
+from skyarm.records.coerce import concrete, unit_vector
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.units import Unit, nonnegative, positive
@@ -86,7 +86,8 @@ class Dryden:
 
     def __post_init__(self) -> None:
         accept_fields(self, "turbulence")
-        accept(self, "turbulence", {"direction_W": unit_vector})
+        along = unit_vector("turbulence.direction_W", self.direction_W)
+        object.__setattr__(self, "direction_W", along)
 
     def in_wind(self, velocity_W: Vec3) -> Dryden:
         """Turbulence that passes at the speed of a mean wind (m/s, world axes), its

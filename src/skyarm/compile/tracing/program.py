@@ -16,6 +16,9 @@ from skyarm.compile.tracing.tracer import Graph, Lowered, Node, pause_collection
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree, leaves, mismatch, rebuild, shaped_like
 
+Channels = tuple[tuple[int, int], ...]
+"""Channel of random numbers and their count per control period, of each model."""
+
 _INFIX = {
     "add": "+",
     "sub": "-",
@@ -264,7 +267,7 @@ class Loop:
     carry: int
     parameters: int
     row: int
-    uniforms: tuple[tuple[int, int], ...]
+    uniforms: Channels
     logged: int
     result: Any
     own_seeds: bool = False
@@ -282,7 +285,7 @@ def trace_loop(
     carry: Tree,
     parameters: Tree,
     row: Tree,
-    uniforms: tuple[tuple[int, int], ...] = (),
+    uniforms: Channels = (),
     *,
     loops: bool = False,
     own_seeds: bool = False,

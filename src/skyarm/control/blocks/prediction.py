@@ -105,7 +105,7 @@ def side_wrench(
     speeds: Sequence[Scalar],
     velocity_B: Vec3,
     rate: Vec3,
-    sideways: bool = False,
+    sideways: bool,
 ) -> Force:
     """Rotor force and torque that the mixer omits: hub drag in still air, rolling
     moment, thrust across body z.

@@ -147,7 +147,7 @@ class EstimatedMemory:
 
 
 def blank_readings(
-    estimator: ErrorStateFilter, joints: int, tip_force: int = 0
+    estimator: ErrorStateFilter, joints: int, tip_force: int
 ) -> FilterReadings:
     """Placeholder sensor readings with the shapes that a state estimator requires."""
     named = {

@@ -386,7 +386,7 @@ def live_session(
 
 
 def open_live(
-    scenario: Scenario, preparing: Callable[[float, float], object] | None = None
+    scenario: Scenario, preparing: Callable[[float, float], object] | None
 ) -> tuple[Session, dict[str, str]]:
     """Open a session whose references take goals from ROS; return it with the reason of
     each vehicle that takes none.

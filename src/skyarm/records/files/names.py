@@ -143,7 +143,7 @@ def is_result_name(name: object) -> bool:
 SUFFIXES = ("png", "svg", "pdf")
 
 
-def picture_file(name: str, field: str = "file") -> Path:
+def picture_file(name: str, field: str) -> Path:
     """Path of a picture to be written, checked before any computation.
 
     Raises:

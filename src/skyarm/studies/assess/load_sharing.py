@@ -299,7 +299,7 @@ def poses_with_share(
 
 
 def load_of(
-    scenario: Scenario, name: str, bodies: Sequence[Balance], payload: float = 0.0
+    scenario: Scenario, name: str, bodies: Sequence[Balance], payload: float
 ) -> list[Finding]:
     """Check results for one vehicle with its share of the bodies: the share, then
     rotors and joints under it.

@@ -285,7 +285,7 @@ NOTHING = 1e-9
 """Mass (kg) below which a payload is rounding."""
 
 
-def largest_payload(poses: ArmPoses, payload: float = 0.0) -> list[Finding]:
+def largest_payload(poses: ArmPoses, payload: float) -> list[Finding]:
     """Check result for the largest point mass at the tip with which hover keeps a
     thrust margin of 1.2 in all poses.
 
@@ -368,7 +368,7 @@ def _largest_by_part(poses: ArmPoses, loaded: ArmPoses, joints: Array) -> Array:
 
 
 def largest_side_force(
-    vehicle: Vehicle, gravity: float, payload: float = 0.0
+    vehicle: Vehicle, gravity: float, payload: float
 ) -> list[Finding]:
     """Check result for the largest steady horizontal force, as of wind, at which hover
     is possible, N.

@@ -120,7 +120,7 @@ def chosen_entrants(names: Sequence[str], field: str) -> dict[str, Entrant]:
 
 
 def chosen_laws(
-    names: Sequence[str], field: str, own: Collection[str] = ()
+    names: Sequence[str], field: str, own: Collection[str]
 ) -> tuple[str, ...]:
     """Check control law names against the registered laws and the additional names
     ``own`` of a benchmark.

@@ -306,7 +306,7 @@ WORDS = ("controller", "status")
 """Columns of text; all others are numbers."""
 
 
-def read_column(files: Sequence[Path], name: str, controller: str = "") -> Array:
+def read_column(files: Sequence[Path], name: str, controller: str) -> Array:
     """Read one column of several result files, optionally of a single controller.
 
     Raises:

@@ -121,7 +121,7 @@ def activity(jitter: float, effort: float) -> float:
     )
 
 
-def finalists(found: Sequence[Scores], count: int = POINTS) -> list[int]:
+def finalists(found: Sequence[Scores], count: int) -> list[int]:
     """Indices of up to ``count`` candidates for the Pareto front, from low to high
     control effort.
 

@@ -132,7 +132,7 @@ def table(head: Iterable[str], rows: Rows, caption: str = "", kind: str = "") ->
 def grouped_table(
     head: Iterable[str],
     groups: Iterable[tuple[str, Rows]],
-    caption: str = "",
+    caption: str,
     kind: str = "",
 ) -> str:
     """Make the HTML of a table with rows grouped under titles.

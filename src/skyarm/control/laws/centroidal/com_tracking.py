@@ -58,7 +58,7 @@ def quasi_static(
     mass: Scalar,
     base: list[Vec3],
     disturbance: Vec3,
-    rates: Sequence[Vec3] = (ZERO3, ZERO3),
+    rates: Sequence[Vec3],
 ) -> Vec3:
     """Force (N, two derivatives) that the base's reference requires without feedback: m
     (p_d'' + g) - d.

@@ -286,7 +286,7 @@ def wanted_attitude(
     force: Vec3,
     yaw: Taylor,
     rotors: RotorForce,
-    planned: Vec3 | None = None,
+    planned: Vec3 | None,
 ) -> DesiredAttitude:
     """Desired attitude for a force (Taylor series, N, world axes), part of which the
     rotors may give sideways.

@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from skyarm.control.controller import ControllerError, LawOptions
+from skyarm.control.controller import ControllerError, LawOptions, OptionRanges
 from skyarm.control.laws.centroidal.contact import options as contact
 from skyarm.control.laws.centroidal.noise_estimate import noise_share
 from skyarm.control.laws.centroidal.parameters import SHARES
@@ -34,7 +34,7 @@ bandwidths of the observer, rad/s.
 They were chosen under noise and one period of delay on perturbed plants.
 """
 
-OPTIONS: Mapping[str, tuple[float | tuple[float, ...], float, float]] = {
+OPTIONS: OptionRanges = {
     "bandwidth": (1.0, 0.01, 10.0),
     "tilt": (1.2, 1e-3, 10.0),
     "reach": (0.12, 1e-3, 1e3),

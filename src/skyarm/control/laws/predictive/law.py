@@ -512,7 +512,7 @@ def problem_at(
     sample: SampledReference,
     late: float,
     par: PredictiveParameters,
-    touch: ContactState | None = None,
+    touch: ContactState | None,
 ) -> Problem:
     """Optimal control problem whose initial state is ``late`` seconds ahead, when a new
     command takes effect.

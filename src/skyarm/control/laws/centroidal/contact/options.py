@@ -4,11 +4,9 @@ from these options.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from skyarm.control.blocks.force_control import SENSING, require_thresholds
 from skyarm.control.blocks.torque_scale import Tolerances
-from skyarm.control.controller import ControllerError, LawOptions
+from skyarm.control.controller import ControllerError, LawOptions, OptionRanges
 from skyarm.control.laws.centroidal.contact.admittance import admittance_gains
 from skyarm.control.laws.centroidal.contact.carrying import CarryingGains
 from skyarm.control.laws.centroidal.contact.interaction import Interaction
@@ -17,7 +15,7 @@ from skyarm.control.laws.centroidal.parameters import OptionalPart
 from skyarm.records.files import shown
 from skyarm.vehicle import Vehicle
 
-OPTIONS: Mapping[str, tuple[float | tuple[float, ...], float, float]] = {
+OPTIONS: OptionRanges = {
     "interaction": ((0.0, 0.0), 0.0, 1e3),
     "tolerances": ((0.0, 0.0), 0.0, 1.0),
     "force_sensor": (False, 0.0, 1.0),

@@ -4,13 +4,11 @@ options.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-from skyarm.control.controller import ControllerError, LawOptions
+from skyarm.control.controller import ControllerError, LawOptions, OptionRanges
 from skyarm.control.laws.centroidal.tilting.sideways_force import SidewaysGains
 from skyarm.records.files import shown
 
-OPTIONS: Mapping[str, tuple[float | tuple[float, ...], float, float]] = {
+OPTIONS: OptionRanges = {
     "sideways": (0.0, 0.0, 1.0),
     "attitude": ((0.0, 0.0), -1.0, 1.0),
 }
