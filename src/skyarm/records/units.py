@@ -14,6 +14,7 @@ import types
 import typing
 from collections.abc import Callable, Mapping
 from functools import partial
+from typing import Any
 
 from skyarm.algebra import Scalar
 from skyarm.records.immutable import memoize, positional
@@ -136,11 +137,19 @@ def declared_units(of: object) -> dict[str, tuple[object, Unit]]:
 
 
 @memoize
-def _evaluated_units(of: object) -> dict[str, tuple[object, Unit]]:
-    """Result of :func:`declared_units`; errors are not kept, since a name may be
-    defined later.
+def annotations_of(of: object) -> dict[str, Any]:
+    """Evaluated annotations of a class or function, with units and words.
+
+    Raises:
+        NameError, TypeError: one cannot be evaluated; it is tried again at the next
+            call, since a name may be defined later.
     """
-    full = typing.get_type_hints(of, include_extras=True)
+    return typing.get_type_hints(of, include_extras=True)
+
+
+@memoize
+def _evaluated_units(of: object) -> dict[str, tuple[object, Unit]]:
+    full = annotations_of(of)
     # evaluated already, which takes the time
     kinds = typing.get_type_hints(types.SimpleNamespace(__annotations__=full))
     return {name: (kind, _unit(full[name])) for name, kind in kinds.items()}

@@ -17,7 +17,12 @@ from skyarm.records.field_rules import defaults
 from skyarm.records.immutable import declarations, memoize, positional
 from skyarm.records.leaves import Place, field_names
 from skyarm.records.members import alone
-from skyarm.records.units import Unit, declared_fields
+from skyarm.records.units import (
+    Unit,
+    annotations_of,
+    declared_fields,
+    declared_units,
+)
 
 EACH = "*"
 """Step of a path that matches the name or index of every item of a list."""
@@ -124,7 +129,7 @@ def groups(kind: type) -> dict[str, type]:
     Of members by name it is the property for the only one
     (:mod:`skyarm.records.members`), with the class of a member.
     """
-    types = typing.get_type_hints(kind)
+    types: dict[str, Any] = {name: t for name, (t, _) in declared_units(kind).items()}
     sole = {field.name: alone(field) for field in declarations(kind)}
     named = [name for name, word in _words_in(kind) if word.group]
     return {
@@ -180,7 +185,7 @@ def _words_in(of: type | Callable[..., object]) -> list[tuple[str, Word]]:
     if isinstance(of, type) and field_names(of) is None:
         return []
     try:
-        full = typing.get_type_hints(of, include_extras=True)
+        full = annotations_of(of)
     except (NameError, TypeError):  # a name that only type checkers import
         return []
     names = (field_names(of) if isinstance(of, type) else None) or full

@@ -15,7 +15,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any, get_args, get_origin
 
 from skyarm.records.files import Fields, number, shown
 from skyarm.records.files.toml import Entry
@@ -29,6 +29,7 @@ from skyarm.records.read_table import (
     registered_values,
     value_from,
 )
+from skyarm.records.units import declared_units
 from skyarm.records.words import EACH, Slot, slots
 from skyarm.reference.task_records import Setting, TaskEvent
 from skyarm.scenario import readers
@@ -113,7 +114,7 @@ def _read_by_name(slot: Slot, tables: Fields) -> tuple[object, ...]:
     its table's name.
     """
     kind, inner = get_args(slot.type)[0], slot.word.inside[-1]
-    of = get_type_hints(kind)[inner]
+    of: Any = declared_units(kind)[inner][0]
     name = next(field for field in field_names(kind) or () if field != inner)
     return tuple(
         kind(
