@@ -185,6 +185,7 @@ def _picture_of(
 
         plot(flown if len(flown) > 1 else flown[0], drawn)
         return [f"picture: {drawn}"]
+    # one file a flight, or plot would draw it twice; a CSV file is not read back
     whole = [file for file in files if file.suffix == ".npz"]
     if not whole:
         return []

@@ -217,6 +217,7 @@ def _save_scenario(
         try:
             return save_scenario(file, scenario, target, law)
         except ValueError as error:
+            # a search of minutes is done, and its page has all gains
             say(f"no scenario under the picked law is written: {error}")
             return None
 

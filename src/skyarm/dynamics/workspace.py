@@ -49,7 +49,8 @@ def _limits(vehicle: Vehicle) -> tuple[Array, Array]:
     """Search range of each joint: its limits, at most half a turn or 1 m either way
     from zero.
     """
-    # an unlimited joint would have no range to draw from
+    # an unlimited joint would have no range to draw from: half a turn either way has
+    # every pose; 1 m is chosen, far beyond the slides of the shipped vehicles (0.12 m)
     free = [math.pi if joint.turns else 1.0 for joint in vehicle.joints]
     low = [
         max(float(joint.lower), -span)

@@ -46,7 +46,8 @@ STATED: Mapping[str, str] = {
     },
     **COMMANDED,
 }
-"""Quantity -> array of the log with its true value, for states and commands."""
+"""Quantity -> array of the log with its true value, for states and commands; a log has
+no true specific force."""
 
 SETPOINTS: Mapping[str, str] = {"": "joint_efforts", "rad or m": "joint_commands"}
 """Unit of the setpoints of all drives -> quantity."""
@@ -102,6 +103,7 @@ def measured_flight(log: Log, path: Path) -> FlightData:
             continue
         for field, quantity in FIELDS.items():
             array = log.received.get(f"{name}.{field}")
+            # of two sensors of a quantity the first: a flight has one channel of it
             if (
                 array is not None
                 and quantity not in measured
@@ -127,6 +129,7 @@ def measured_flight(log: Log, path: Path) -> FlightData:
     notes = list[str]()
     if log.efforts.size:
         setpoints = list(setpoints_of(log.info).values())
+        # joints without a drive take torques: one channel cannot hold both
         units = (
             set(setpoints)
             if len(setpoints) == log.efforts.shape[1]

@@ -190,6 +190,7 @@ def numbers_of_rows(
                 ):
                     row[k] = seconds / times[name]
                     continue
+                # cut, as a cell may be a whole list and the message is one line
                 first_wrong.setdefault(name, filled[place][:40])
                 wrong += 1
         numbers.extend(row)

@@ -175,6 +175,7 @@ def _range(joint: Joint, joints: int) -> tuple[float, float, float]:
 def draw_segment(axes: Axes, duration: float, draw: np.random.Generator) -> Segment:
     """Draw a random multisine segment that stays within the ranges of all axes."""
     count = len(axes.rest)
+    # each axis has a band of its own: which one shows most the search finds out
     slow, fast = np.log(LOWEST), np.log(axes.fastest)
     ends = np.sort(
         slow + (fast - slow)[:, None] * draw.uniform(size=(count, 2)), axis=1
@@ -192,6 +193,8 @@ def draw_segment(axes: Axes, duration: float, draw: np.random.Generator) -> Segm
     )
     middle = 0.5 * (axes.low + axes.high) - axes.rest
     room = 0.5 * (axes.high - axes.low)
+    # what a swing leaves of the range its middle may take, so that small ones visit
+    # other postures; a tenth is chosen, not measured
     size = room * draw.uniform(0.1, 1.0, size=count)
     offsets = middle + (room - size) * draw.uniform(-1.0, 1.0, size=count)
     # the base swings about its rest, as the box lies about that

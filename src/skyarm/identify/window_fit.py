@@ -547,6 +547,8 @@ def _information(
     flights = [windows.owners == i for i in range(len(windows.flights))]
     return {
         "curvature": curvature,
+        # what was known before is one more observation, whose score has the variance of
+        # its information
         "covariance": (
             blocks_covariance(reduced.total, parts, pulls)
             + curvature @ before @ curvature

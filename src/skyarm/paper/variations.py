@@ -17,7 +17,8 @@ from skyarm.reference import sequence
 from skyarm.scenario.scenario_record import Delays, Scenario
 
 DAMPINGS = (0.0, 0.001, 0.005, 0.02, 0.05)
-"""Damping (N m s/rad) of both joints in the variants."""
+"""Damping (N m s/rad) of both joints in the variants: from none to what the published
+torques of joint 1 suggest, with two steps between that and the assumed one."""
 
 ASSUMED_DAMPING = 0.001
 """Damping of the shipped simulated vehicle, that of the main table."""
@@ -121,6 +122,7 @@ def variations() -> list[Variation]:
         Variation(
             group="ramp_shape",
             value=shape,
+            # the only case with ramps
             cases=("case1",),
             change=None if shape == "linear" else partial(reshaped_ramps, shape=shape),
         )

@@ -474,7 +474,7 @@ def load_task(path: PathLike) -> Task:
         text = file_name(path, "task")
         file = Path(text)
         shipped = LIBRARY / f"{text}.toml"
-        # the name of a shipped task wins over a file of that name
+        # hides no file, as those have a suffix; Path.is_file raises for a long name
         if os.path.isfile(shipped):
             file = shipped
         elif file.suffix != ".toml":

@@ -140,7 +140,8 @@ def _arc_of(task: TaskBuilder, phase: Fields) -> Arc | None:
 
 
 EASE = 0.05
-"""Time (s) of the plan between the request of a force and the wait for it."""
+"""Time (s) of the plan between the request of a force and the wait for it: without any
+no insert can be planned, and a press waits in vain; 0.01 s serves as well."""
 
 LETTING_GO = 0.4
 """Waiting time (s) of a retreat while the force decays; a base that moves at once would
@@ -287,6 +288,7 @@ def insert(task: TaskBuilder, phase: Fields) -> None:
     """Add a push into a hole to the task, until the tip has moved in by a distance."""
     _tell_push(task, phase)
     depth = positive(phase, "distance")
+    # hold and timeout are chosen: the shipped peg goes in with a hold of 0, too
     usual = {
         "distance": depth,
         "hold": 0.05,

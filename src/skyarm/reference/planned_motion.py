@@ -149,6 +149,7 @@ def plan_tables(fields: Fields, vehicle: str | None = None) -> dict[str, Entry]:
 
     def spline(values: Any) -> Any:
         numbers = np.asarray(values).tolist()
+        # the spline of a file rests at its ends
         if moves:
             return minimum_snap(times, numbers, rests=False)
         return {"kind": "spline", "times": [*times], "values": numbers}
@@ -165,6 +166,7 @@ def plan_tables(fields: Fields, vehicle: str | None = None) -> dict[str, Entry]:
         for name, array in names.items()
         if arrays[array].size
     }
+    # no splines: efforts and force jump where a contact begins or ends
     planned |= {
         "times": times,
         "efforts": arrays["torques"].T.tolist(),
@@ -248,7 +250,7 @@ SPEEDS = ("velocity", "rate", "joint_rates")
 
 MOVING = 1e-3
 """Speed (m/s, rad/s) at the last node above which a plan ends in motion; at rest it is
-the solver's tolerance."""
+the solver's tolerance, a thousandth of this."""
 
 UNREAD = (*SPEEDS, "phase", "inputs", "gains")
 """Arrays that no law reads and a file may lack."""

@@ -29,10 +29,13 @@ NEVER = 1e9
 """Start time (s) of a signal without a goal, later than any flight."""
 
 LOOKS = 21
-"""Number of instants at which speed and acceleration of a motion are evaluated."""
+"""Number of instants at which speed and acceleration of a motion are evaluated: their
+largest is at most 1.1 % above (2000 random starts), from rest 0.2 %."""
 
 DURATIONS = np.geomspace(0.1, 300.0, 165)
-"""Candidate durations (s) of a motion to a goal, 5 % apart."""
+"""Candidate durations (s) of a motion to a goal, 5 % apart: so much longer than the
+shortest one the chosen may be. A list, as of a motion that begins fast a longer
+duration may exceed a limit by more, and there is no sign to bisect by."""
 
 
 @immutable

@@ -298,6 +298,8 @@ def snap_cost(
     for c, powers in zip(pieces, spans, strict=True):
         fourth = [c[k] * k * (k - 1) * (k - 2) * (k - 3) for k in range(4, 8)]
         for j, a in enumerate(fourth):
+            # the integral of t^(j + k); no matrix product, whose order of sums, and so
+            # its rounding, differs from machine to machine
             for k, b in enumerate(fourth):
                 total = total + a * b * powers[j + k + 1] / (j + k + 1)
     return total

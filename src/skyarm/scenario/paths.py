@@ -328,6 +328,8 @@ def roots(scenario: Scenario) -> dict[str, Place]:
     """Beginnings of parameter paths, such as plant or sensors.imu, with the scenario
     fields that they denote.
     """
+    # drives of the vehicle's file; those that the scenario states for the same joints
+    # come later and replace them
     carried = ("agent", "plant", "vehicle", "drives")
     places: dict[str, Place] = {
         f"plant.drives.{each.name}": (*carried, str(i), "drive")

@@ -78,7 +78,7 @@ from skyarm.simulate.stored_programs import (
 )
 
 PIECE = 0.1
-"""Duration (s) of flight between two checks for Ctrl-C."""
+"""Computing time (s) between two checks for Ctrl-C, too short to be waited for."""
 
 ALIVE, TICKS = 0, 1
 """Indices of ``LoopState.alive`` and ``LoopState.ticks`` among a loop state's
@@ -531,6 +531,7 @@ class Engine:
             # length the clock on the wall sets
             carry[:] = self._before
             self._stepper.fly(self.tick - first, end - first, first)
+            # the period in which it ends is not flown again: nothing cleared its flag
             carry[ALIVE], carry[TICKS] = 0.0, end
         self.tick = end
         if over or stop >= self._steps:

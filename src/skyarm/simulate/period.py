@@ -164,6 +164,7 @@ def decide(
     wait.
     """
     decided = []
+    # all references first: a team's law gives its instructions to every vehicle at once
     references = stages.law_references(rows, measured.components)
     loops = zip(
         stages.agents, now.agents, measured.agents, rows, references, strict=True
@@ -175,6 +176,7 @@ def decide(
             Decided(
                 memory,
                 command,
+                # the law's next memory: a phase may wait for the force observed now
                 each.waits.advance(own.clock, now.ticks, seen, row, memory),
             )
         )

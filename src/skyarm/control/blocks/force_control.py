@@ -297,9 +297,12 @@ def normal_shift(
     s, rate, w = memory.shift, memory.shift_rate, gains.follow
     # a surface that was met is near, and is not to be struck on the way back
     speed = where(memory.found > 0.0, minimum(speed, gains.again), speed)
+    # against the normal, into the surface, until it is taken for gone
     coming = where(s > memory.reached - gains.furthest, -speed, 0.0)
     # critically damped, so that neither return nor following swings past its goal
     back = -(w * w) * s - 2.0 * w * rate
+    # ``yields`` counts from 0.8 of the speed on, what the reference takes over from all
+    # of it
     follow = (w * w) * memory.gap - 2.0 * w * (
         rate + maximum(yields - (1.0 - YIELDING) * speed, 0.0)
     )
@@ -307,6 +310,7 @@ def normal_shift(
     limit = gains.follow_limit
     acceleration = clip(where(touching > 0.5, follow, free), -limit, limit)
     moved = rate + acceleration * dt
+    # the mean of both rates: exact, as the acceleration is constant over the period
     return s + (rate + moved) * (0.5 * dt), moved, acceleration
 
 

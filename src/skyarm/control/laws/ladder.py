@@ -175,6 +175,7 @@ def stepped_computed_torque(
         # the observer models the motors: its speeds have no noise to be led
         turning = observed.rotor_speeds if observed else measurement.rotor_speeds
         speeds = tuple(
+            # a share above 1 would carry the speed past its target within the period
             command_for(rotor, now, target, dt, minimum(par.lag_share, 1.0))
             for rotor, now, target in zip(
                 par.model.vehicle.rotors, turning, speeds, strict=True
@@ -185,6 +186,7 @@ def stepped_computed_torque(
         rotors_follow(par.mixer, squares),
         *joints_follow(par.model.vehicle, efforts),
     ]
+    # the oldest command sent is the one that the next measurement answers
     following = StepMemory(
         started=1.0,
         observed=observed,

@@ -77,6 +77,8 @@ def rotors_sim_position(
 ) -> tuple[Memory, Command]:
     """RotorS's geometric position controller for the base, with zero joint torques."""
     del dt
+    # RotorS's code feeds the reference's acceleration forward and knows no arm, whose
+    # joints hang free
     speeds = _base_speeds(par, measurement, reference, feedforward=True)
     return memory, Command(rotor_speeds=speeds, efforts=par.model.vehicle.zeros)
 
@@ -98,6 +100,7 @@ def decoupled_pd(
     Source: Barakou et al. 2026, section 5 and Table A2.
     """
     del dt
+    # the paper's baseline reads positions and velocities alone
     speeds = _base_speeds(par, measurement, reference, feedforward=False)
     weight = level_joint_gravity(par.model, measurement.joints)
     pull = joint_pd(par.joint_gains, measurement, with_weighted_rates(par, reference))

@@ -270,6 +270,7 @@ def _parts(log: Log) -> tuple[tuple[str, tuple[Array, ...]], ...]:
     if not arrays or not log.info.get("scenario_record"):
         return arrays
     scenario = log.scenario
+    # each log of a team is scored with itself as the only vehicle of its scenario
     own = columns_of_agent(scenario.components, next(iter(scenario.agents)))
     constants = [
         each

@@ -384,6 +384,8 @@ def joint_range(joint: Joint) -> tuple[float, float]:
     """Range of a joint to sample: its limits, or one turn about zero for a joint that
     turns further.
     """
+    # a slide has no turn that shows every pose: 1 m is chosen, far beyond those of the
+    # shipped vehicles, which end at 0.12 m
     free = math.pi if joint.turns else 1.0
     low, high = joint.ends
     if math.isinf(low):

@@ -434,6 +434,7 @@ def _no_rotors(vehicle: Vehicle, file: str) -> Finding:
             "rotors",
             f"state them in {place}{writes}",
         )
+    # one name shows how the line is meant; the others follow from it
     like = "".join(f', link = "{name}"' for name in links_like_rotors(vehicle)[:1])
     add = (
         f"add [[rotors]]{like}, or put it as an arm on a multirotor by [[attach]] in"

@@ -332,6 +332,8 @@ def _spread(vehicle: Vehicle, gravity: float) -> float:
     except AllocationError:
         return math.inf
     efforts = hover_efforts(vehicle, gravity, np.zeros((1, vehicle.n)))
+    # the torque that an offset mass asks for would make rotors uneven whose senses are
+    # right
     efforts[:3] = 0.0
     squared = allocation.sizes(allocation.squared_speeds(efforts))[:, 0]
     thrusts = squared * [float(rotor.thrust_coefficient) for rotor in vehicle.rotors]

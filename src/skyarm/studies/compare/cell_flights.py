@@ -235,6 +235,7 @@ class CellFlights:
             EFFORTS,
             # stored rows and tables of one vehicle have no columns of its grasps
             *(GRASPS if len(setpoints) > 1 else ()),
+            # sorted: columns of stored rows do not depend on who registered first
             *sorted(registered("metric", shipped=False)),
             *self.further_metrics,
         )

@@ -332,7 +332,7 @@ class FileSuite(Suite[FileFlights]):
                 {"title": trial.title, "unit": trial.unit, "values": {}, "laws": {}},
             )
             # a dict keeps the order: each cell adds its points once
-            entry["values"] |= dict.fromkeys(map(str, flights.points))
+            entry["values"] |= dict.fromkeys(flights.points)
             points = entry["laws"].setdefault(law, [])
             for k, _ in enumerate(flights.points):
                 points.append(

@@ -338,6 +338,7 @@ class _Port:
         sizes = np.abs(np.diagonal(self.T, axis1=1, axis2=2) + 0.5)
         margins = []
         for i, channel in enumerate(self.channels):
+            # an unstable loop has no frequencies: its responses would mean nothing
             k = int(np.argmax(sizes[:, i])) if len(sizes) else 0
             margins.append(
                 LoopMargin(

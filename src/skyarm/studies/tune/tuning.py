@@ -51,7 +51,8 @@ from skyarm.view.pages import Facts
 
 LEADERS = 3
 """Number of leading candidates of the scatter, for each weight, whose margins are
-evaluated."""
+evaluated: the first begins its search, the others may be points of the front. Three
+are chosen: margins cost time."""
 
 PICKED = "pick"
 """Name of the pick among the checked gains."""
@@ -267,6 +268,7 @@ class Tuner:
         if number == 0:
             return [(weight, slice(0, count), LEADERS) for weight in WEIGHTS]
         each = self._plan.effort.population
+        # the better half, to which alone CMA-ES moves its mean
         return [
             (weight, slice(i * each, (i + 1) * each), (each + 1) // 2)
             for i, weight in enumerate(WEIGHTS)

@@ -50,14 +50,15 @@ visible."""
 UP = np.array([0.0, 0.0, 1.0])
 
 HEIGHT = 3.9
-"""Height (in) of the drawing."""
+"""Height (in) of the drawing, chosen by eye."""
 
 MARGINS = np.array([0.17, 0.13])
 """Room for labels left and right of a view, and above and below it, as fractions of its
 width and height."""
 
 BENT = 0.5
-"""Angle (rad) of the joints whose motion the side view shows."""
+"""Angle (rad) of the joints whose motion the side view shows: an angle of zero
+has no arc to name."""
 
 TRIAD = 0.34
 """Length of a frame's axes, as a fraction of the vehicle's reach."""
@@ -92,6 +93,8 @@ def vehicle_drawing(vehicle: Vehicle) -> Picture:
     figure = PAPER.blank(PAPER.wide, HEIGHT)
     figure.set_layout_engine("none")  # every view has its place
     sheets = []
+    # shares of the figure: the two flat views on top of each other beside the large
+    # one, the last 8 % of the height for the title
     for view, place, title, mark in (
         (CORNER, (0.005, 0.01, 0.575, 0.91), "", _mark_frames_and_axes),
         (SIDE, (0.585, 0.5, 0.41, 0.38), "from the right", _mark_lengths_and_angles),

@@ -179,6 +179,7 @@ def _serialize(
         _RecordedFlight(server.scene, f"/flight{i + 1}", flight, shift, settings)
         for i, (flight, shift) in enumerate(zip(flights, shifts, strict=True))
     ]
+    # before the serializer: the first frame is then part of the scene as it begins
     for vehicle in vehicles:
         vehicle.put(0)
     serializer = server.get_scene_serializer()

@@ -15,6 +15,7 @@ NEEDS = "on Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri"
 where there is no GPU."""
 
 MOST_DEVICES = 16
+"""Number of EGL devices that are tried, chosen above that of a machine's GPUs."""
 
 PLATFORM_DEVICE = 0x313F
 OPENGL_API = 0x30A2
@@ -60,6 +61,7 @@ def offscreen() -> Iterator[Callable[[], None]]:
     Raises:
         NoDisplayError: one line: no EGL, or no driver that draws with it.
     """
+    # macOS and Windows have no EGL
     if not sys.platform.startswith("linux"):
         with _of_mujoco() as current:
             yield current

@@ -286,6 +286,7 @@ class CentroidalParameters:
         gains = gains.doubting(
             vehicle, doubted_dampings(vehicle, mobilities, control_period)
         )
+        # anew: what was learned is a difference from the former model
         begun = replace(memory.parts, adaptation=gains.start(vehicle.n))
         parts = replace(self.parts, adaptation=gains)
         return replace(par, parts=parts), replace(memory, parts=begun)

@@ -48,8 +48,8 @@ def accelerations(
     """Accelerations (dv_W/dt, dw_B/dt, joints) of the model in still air under a
     disturbance.
 
-    Dry friction of the joints is that at ``dry_rates``; of the state's own rates if
-    they are left out.
+    Dry friction of the joints is that at ``dry_rates``, of the state's own rates if
+    they are left out: these make a plan as stiff as tanh is steep.
     """
     R = state.rotation
     return acceleration_under(
