@@ -65,14 +65,15 @@ and of one-step predictions."""
 
 PASTS, MEMORIES = (0.1, 0.35), (0.0, 0.1, 1.0)
 """Candidate durations (s) of the past that shows the unexplained part, and candidate
-decay times (s) of its variable fraction."""
+decay times (s) of its variable fraction; chosen, and few, as each pair is flown."""
 
 SMOOTHED = ((), ("position", "velocity"), ("quaternion", "rate"), FIELDS)
 """Candidate sets of state fields that are taken from the window of the past, where
 smoothing measures them better."""
 
 WORSE = 1.01
-"""Ratio of the error with the past to that without up to which both count as equal."""
+"""Ratio of the error with the past to that without up to which both count as equal,
+chosen."""
 
 FAR = 0.2
 """Shortest horizon (s) for the choice, if there is one; below it the error is mostly
@@ -460,7 +461,8 @@ def learn_from_past(
             score = (
                 not all(good),
                 sum(
-                    # logarithms weigh a tenth of either error alike, whatever its unit
+                    # logarithms weigh a tenth of either error alike, whatever its unit;
+                    # that of no error would be infinite
                     math.log(max(each.position * each.attitude, 1e-300))
                     for each, _ in far
                 ),

@@ -72,8 +72,8 @@ FEWEST = 4
 """Least number of windows."""
 
 BRIEF, ALIKE = 4, ("joint_efforts", "joint_commands")
-"""Least number of samples of a channel, and quantities that all flights must contain or
-none."""
+"""Least number of samples of a channel, chosen, and quantities that all flights must
+contain or none."""
 
 SAMPLES = 12
 """Least number of gyroscope samples in a window."""

@@ -536,7 +536,7 @@ command; fraction of the command's rows that change otherwise."""
 
 JUMP = 3.0
 """Largest change of a joint that comes to rest or begins to move, in steps of its
-encoder."""
+encoder; chosen. A sensor that froze in motion is further off when it goes on."""
 
 REPEATED, SPARSE = 0.3, 0.7
 """Least fraction of repeated rows that is reported; largest ratio of sampling to
@@ -651,6 +651,7 @@ def _rests(channel: Channel, whole: Mask) -> Mask:
     """
     step = np.abs(np.diff(channel.values, axis=0))
     at_rest = np.zeros(whole.size, dtype=bool)
+    # the least change that occurs is taken for a step of the encoder
     least = np.min(step, axis=0, initial=np.inf, where=step > 0.0)
     for begin, end in runs_of(whole):
         at_rest[begin:end] = np.all(

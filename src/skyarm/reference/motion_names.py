@@ -60,6 +60,7 @@ def _motion(*axes: tuple[Signal, Place]) -> Names:
             "radius": tuple((*place, "amplitude") for place in sines),
             "frequency_hz": tuple((*place, "frequency_hz") for place in sines),
             "center": _vector([*centers, (*places[2], "value")]),
+            # it opens the window, and the angle counts from it
             "start": tuple(
                 place
                 for at in windows

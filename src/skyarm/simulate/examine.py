@@ -507,6 +507,7 @@ def _require_class(part: UserPart) -> None:
     """Refuse a user-defined class with wrong method parameters, texts or an invalid
     count of random numbers.
     """
+    # the class is one of the library's: only something inside is the user's
     if part.own is not None:
         return
     kind = type(part.record)

@@ -639,6 +639,7 @@ class AgentStages:
         heard = mean_efforts(
             before,
             acting,
+            # of two delays that of the joints; drives turn no rotors
             self.late if self.apart is None else self.apart[1][1],
             self.period,
         )

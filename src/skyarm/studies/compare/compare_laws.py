@@ -119,7 +119,8 @@ def suite_of(
     if names is not None and kind is Comparison:
         options["entrants"] = chosen_entrants(names, field)
     elif names is not None:
-        # of an own scenario any controller flies
+        # of an own scenario any controller flies; of a user's suite its scenarios' own
+        # law and files of gains besides the registered laws
         of_suite = ("own", *filter(is_gains_file, names))
         # parts of the scenario's own law are names in the contact suite alone
         own = OWN if what == CONTACT else () if kind else of_suite if file else names

@@ -417,6 +417,7 @@ def _received_curves(
     steps: Style = {
         "color": HELD,
         "linewidth": first.width,
+        # behind limits (2.6) and true curves (3 and more), which noise would cover
         "zorder": 2.5,
         "drawstyle": "steps-post",
     }

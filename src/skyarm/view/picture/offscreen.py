@@ -90,6 +90,7 @@ def _of_mujoco() -> Iterator[Callable[[], None]]:
     import mujoco
 
     try:
+        # no picture has this size: each is drawn into a buffer of its own
         context = mujoco.gl_context.GLContext(64, 64)
         context.make_current()
     except Exception as error:  # each system has errors of its own

@@ -77,7 +77,8 @@ RESTING = 0.01
 adapted at half its rate."""
 
 FRICTION = 2.0
-"""Adaptation rate (1/s) of the joints' damping."""
+"""Adaptation rate (1/s) of the joints' damping. In Case 2 with a damping of 0.02 that
+the model lacks 0.5 leaves 13 mrad at the joints, 2 leaves 2.3 and 8 leaves 1.7."""
 
 STICKIEST = 50.0
 """Largest adapted damping of a joint over its inertia on a fixed base (1/s)."""
@@ -297,6 +298,8 @@ class AdaptationGains(OptionalPart):
         """Add the learned joint damping, up to a bound, to the joint damping of the
         law's model.
         """
+        # the doubted part of the model's damping is in what is learned, which began
+        # with it
         own = [
             sub(link.joint.damping, d)
             for link, d in zip(par.model.vehicle.links, self.doubted, strict=True)
