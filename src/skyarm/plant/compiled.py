@@ -221,6 +221,7 @@ class RigidBodyPlant:
         self._rate = max(joint_rate(each.vehicle) for each in self._worlds)
         stops = tuple(stop_numbers(each.vehicle) for each in self._worlds)
         self._stops = stops if any(stops) else ()
+        # Euler's steps evaluate the forces once, too: nothing would be saved
         self._verlet = None if euler else verlet_step(self.around)
 
     @property

@@ -32,7 +32,8 @@ STEP = 0.2
 three of them."""
 
 GRID = 0.01
-"""Step of the path (s) between two speed bounds."""
+"""Step of the path (s) between two speed bounds, chosen: half a sample of a reference
+of 50 Hz."""
 
 LOOK = 0.01
 """Time (s) between two instants of the flight at which the demands are evaluated."""

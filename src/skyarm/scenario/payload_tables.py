@@ -255,6 +255,7 @@ def with_commands(
                 f"{at}: must be a gripper of {agent}, not of"
                 f" {gripper.agent or 'no agent'}"
             )
+        # a hook has no command, and any but the usual one is the file's own
         if gripper.kind == "hook" or gripper.closed != type(gripper.closed)():
             raise ValueError(
                 f"{at}: must be a gripper without a command of its own (closed)"

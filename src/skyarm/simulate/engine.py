@@ -686,6 +686,7 @@ class Engine:
             from_outside=self.from_outside,
             carry=self._stepper.carry.copy(),
             parameters=self._stepper.parameters.copy(),
+            # not copied, being large: what it has up to here is not written again
             table=self.recorder.table,
             memories=copy.deepcopy([each.memory for each in self.code.calls]),
         )

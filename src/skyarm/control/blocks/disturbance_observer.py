@@ -446,6 +446,8 @@ def observe(
             data(e * (1.0 - L1)) for e, L1 in zip(er, fast[2:], strict=True)
         )
     push, turn, pulls = inertia_times(model, R, joints, base.change, turning, bending)
+    # the force of one time with the joints' acceleration of the same: what throws the
+    # arm is no force on the base
     if gains.accelerometer is not None:
         push, *_ = inertia_times(model, R, joints, base.change, turning, quick)
     # up to where the force is least: beyond, or across, it would grow

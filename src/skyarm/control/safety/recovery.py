@@ -46,7 +46,7 @@ from skyarm.vehicle import Link
 
 CALM_TILT, CALM_RATE, CALM_SPEED = math.radians(15.0), 1.0, 0.5
 """Limits of calm flight: tilt (rad), body and joint rates (rad/s; m/s for prismatic
-joints) and speed (m/s)."""
+joints) and speed (m/s); chosen, far inside those at which a law is given up."""
 
 
 @immutable

@@ -63,7 +63,8 @@ QUIET = 0.1
 content."""
 
 OLD = 0.1
-"""Longest time (s) by which a position is extrapolated to the time of an attitude."""
+"""Longest time (s) by which a position is extrapolated to the time of an attitude,
+chosen: at 4 m/s^2 of unseen acceleration that errs by 2 cm."""
 
 
 @positional

@@ -122,7 +122,8 @@ def hover_digest(scenario: Scenario) -> str:
     There is no ground, wind or other air in a hover, but a force, or code of the
     user's, may depend on the place.
     """
-    # the reference is constant, and the loop is linearised without noise
+    # the reference is constant, whenever it is tracked, and the loop is linearised
+    # without noise
     held = with_words(hovering(scenario), noise=PERFECT_SENSORS, tracking_start=0)
     if not held.forces and held.world is None and not own_files(held.agent):
         reference = dataclasses.replace(

@@ -87,6 +87,8 @@ def motion(vehicle: Vehicle) -> Trajectory:
     """Reference of a tuning flight: base on a lemniscate, arm swinging; amplitudes and
     frequencies are inputs.
     """
+    # sizes and frequencies are chosen; y at twice the frequency of x makes the
+    # lemniscate, and joints of different ones tell their errors apart
     return Trajectory(
         x=Sum((sine_from_rest(0.45, 0.2), Windowed(Constant(STEP), start=STEPPED))),
         y=sine_from_rest(0.15, 0.4),

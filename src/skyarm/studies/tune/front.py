@@ -55,6 +55,7 @@ class LoopMargins:
         """True if the stability margins meet the required ones, or could not be
         computed.
         """
+        # nothing is held against gains of which no margin is known: plants judge them
         if self.why_none:
             return True
         lows, highs = zip(self.rotors, self.joints, strict=True)

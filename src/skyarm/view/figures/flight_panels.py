@@ -168,6 +168,7 @@ def _team(logs: Logs) -> Panels:
     """Make panels that compare vehicles: tip error, forces on the bodies in their
     grasps, the team's, total thrust.
     """
+    # spans: what a plot may magnify before it shows rounding; chosen by eye
     thrust = Panel(label="Thrust", unit="N", of=_thrust, magnitude=True, span=0.1)
     shared = (
         each for each in _parts(logs) if each.label.startswith(("team_", "load_share"))

@@ -24,7 +24,7 @@ LOST = (190, 20, 30)
 WANTED = (0.55, 0.58, 0.63)
 """Colour of the desired force."""
 TEXT_SIZE = 22.0
-"""Text size (pixels) at 720 lines."""
+"""Text size (pixels) at 720 lines, chosen by eye."""
 
 DESIGNED = 720.0
 """Height (pixels) for which the sizes below are meant; for others they are scaled."""
@@ -189,6 +189,7 @@ class Captions:
         """Write a line of text into a rectangle of an image, smaller if too long."""
         # a picture's line of text: no line breaks, no characters that steer a terminal
         text = "".join(each if each.isprintable() else " " for each in text)
+        # pixels at 720 lines, chosen by eye
         margin = round(10.0 * self._layout.scale)
         height = max(LEAST_TEXT, round(TEXT_SIZE * self._layout.scale))
         while (font := _font(height, bold=bold)).getlength(

@@ -72,7 +72,8 @@ WEAK = 0.15
 """Lower bound of the specific thrust, as a fraction of gravity."""
 
 STEEP = 0.75
-"""Upper bound of the squared sine of a tilt, that of 60 degrees."""
+"""Upper bound of the squared sine of a tilt, that of 60 degrees, chosen: the secant is
+2 there, and has no bound beyond."""
 
 TINY = 1e-9
 
