@@ -55,7 +55,8 @@ class IdentifiedSurroundings:
         thrust: over that of the first flight, at the take-offs; 1 where the voltage is
             known.
         setpoint_hold: share of a sample's period that servos average their setpoints
-            over; where a servo's own loop is slow, as in skyarm's plants, 1.
+            over, from 0, at once, to 1, as of plants of skyarm, whose own loop is slow;
+            half where nothing says which.
     """
 
     delay: float = 0.0

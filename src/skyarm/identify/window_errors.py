@@ -854,6 +854,7 @@ class WindowLanes:
             commands = Held.join(every, np.stack)
             self._joints.append((i, commands, which))
             if errors.servoed[i]:
+                # of each servo the goal, the integral and the rounding
                 self.flights.memories[3 * servos] = self._goals(
                     i, commands.after[:, :, i][which]
                 )

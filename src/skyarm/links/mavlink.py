@@ -245,6 +245,8 @@ class Parser:
         body = pending[start + 1 : tail]
         received = pending[tail] | pending[tail + 1] << 8
         definition = DEFINITIONS_BY_NUMBER.get(number)
+        # its checksum cannot be known; by chance one of 256 passes, so a known sender
+        # and a frame right behind it, or the end, are asked for as well
         if definition is None:
             follows = pending[stop : stop + 1] in (b"", b"\xfd", b"\xfe")
             admitted = (

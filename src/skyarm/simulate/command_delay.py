@@ -50,6 +50,7 @@ def rotor_and_joint_delays(
     ratio = rates.physics // rates.control
     for more in (delays.rotors, delays.joints):
         delay = add(delays.command, more)
+        # a constant delay ends with a step of the physics, as the plant is integrated
         if concrete(delay) and delays.longest_command is None:
             whole, rest = divmod(round(float(delay * rates.physics)), ratio)
             split.append((float(whole), rest / rates.physics))

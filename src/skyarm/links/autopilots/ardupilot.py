@@ -395,6 +395,7 @@ class ArduPilotLink(ProgramLink):
         until, repeats = time.monotonic() + self._record.patience, 0
         while True:
             try:
+                # more than either layout has, 40 and 72 bytes: a longer one shows
                 packet, sender = self._udp.recvfrom(2048)
             except TimeoutError:
                 packet = b""

@@ -375,6 +375,7 @@ def axis_record(axis: EnvelopeAxis, setting: TrialSetting) -> Document:
     return {
         "title": axis.title,
         "unit": axis.unit,
+        # products such as 0.07 * 100 have digits that nobody stated
         "values": [float(f"{value * axis.shown:.6g}") for value in axis.of(setting)],
         "judged": OF_PLANTS if axis.plants else JUDGED[axis.metric],
         "noisy": axis.noisy,

@@ -26,7 +26,7 @@ EDGE = 1.0 + 1e-7
 to 1e-9."""
 
 LONGEST = 0.1
-"""Largest additional delay (s) that is evaluated."""
+"""Largest additional delay (s) that is evaluated, chosen."""
 
 WIDEST, STRIDE = 100.0, 1.25
 """Largest factor on a gain that is evaluated, and ratio between two evaluations."""
@@ -146,6 +146,7 @@ def delay_margin(loop: OpenLoop) -> float:
     before = radius(loop)
     if before > EDGE:
         return 0.0
+    # to the nearest whole step, which rounding must not leave out
     for k in range(1, math.floor(LONGEST / step + 0.5) + 1):
         after = radius(loop, extra_delay=k * step)
         if after > EDGE:

@@ -82,6 +82,7 @@ def _adjustable(agent: Agent, kind: str) -> Agent:
     named, vehicle = {fault.name for fault in agent.faults}, agent.vehicle
     faults = [Fault(rotor=rotor.name) for rotor in vehicle.rotors]
     faults += [Fault(joint=joint.name) for joint in vehicle.joints]
+    # a slider has the path of its fault: a name that two share would be ambiguous
     names = [fault.name for fault in faults]
     faults = [
         fault
