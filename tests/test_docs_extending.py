@@ -349,7 +349,7 @@ def test_all_kinds_of_mistakes_are_on_the_page() -> None:
 
 
 def test_the_sessions_shown_run(capsys: pytest.CaptureFixture[str]) -> None:
-    *_, session, led, _quick = blocks(
+    *_, session, led, _batch, _law = blocks(
         (ROOT / "docs" / "python_api.md").read_text("utf-8"), "python"
     )
     names = {"skyarm": skyarm}

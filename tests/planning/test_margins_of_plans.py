@@ -105,7 +105,7 @@ def rotor_lag(found: Plan) -> float:
 
 def test_free_durations_are_as_long_as_the_rotors_need(quick: Plan) -> None:
     least = plan(hop(rotor_lag=math.inf))
-    assert rotor_lag(least) > 1.0
+    assert rotor_lag(least) > 4.0 * quick.task.limits.rotor_lag
     assert rotor_lag(quick) == pytest.approx(quick.lags.max(), rel=1e-2)
     assert (
         0.6 * quick.task.limits.rotor_lag

@@ -109,17 +109,25 @@ def pinned(given: skyarm.Scenario) -> Pinned:
 
 
 def _pinned_of_one(given: skyarm.Scenario) -> Pinned:
-    found: dict[str, tuple[tuple[Place, ...], str]] = {
-        path: ((), f"computed in {unit_at(given, path)}") for path in computed(given)
-    }
+    found = dict[str, tuple[tuple[Place, ...], str]]()
+    for path in computed(given):
+        try:
+            found[path] = (), f"computed in {unit_at(given, path)}"
+        except ScenarioError as error:
+            found[path] = (), _refusal(error)
     for path in paths(given):
         try:
             places = places_of(given, path)
         except ScenarioError as error:
-            found[path] = (), str(error).split(": ", 1)[1].split("; ")[0]
+            found[path] = (), _refusal(error)
             continue
         found[path] = places, _kind(given, path, part(given, places[0]))
     return found
+
+
+def _refusal(error: ScenarioError) -> str:
+    """What a refusal says of a path, without the cure."""
+    return str(error).split(": ", 1)[1].split("; ")[0]
 
 
 def _kind(given: skyarm.Scenario, path: str, value: object) -> str:

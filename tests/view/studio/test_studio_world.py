@@ -168,6 +168,7 @@ def test_a_camera_that_follows_leaves_the_vehicle_and_moves_the_ground() -> None
             flight.session = SimpleNamespace(  # type: ignore[assignment]
                 running=True,
                 scenario=flown.scenario,
+                plan=flown.plan,
                 time=0.0,
                 tick=0,
                 now=now,

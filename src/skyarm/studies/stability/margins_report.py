@@ -28,9 +28,9 @@ LOOP_HEAD = ("weakest loop", "disk", "gain", "phase", "rad/s", "delay", "togethe
 LOOP_NOTE = """\
 disk: symmetric disk margin, from 0 (unstable) to 2; gain, phase (deg):
 tolerated by this loop, the others unchanged; rad/s: most sensitive frequency;
-delay: tolerated dead time of one loop of its kind alone, ms, the least of all;
-together: disk margin of all loops of its kind, each with its own factor. Disk
-and delay are the smallest of all instants, each by itself."""
+delay: tolerated dead time of one loop of its kind alone, ms, the least of
+all; together: disk margin of all loops of its kind, each with its own factor.
+Disk and delay are the smallest of all instants, each by itself."""
 
 GROUPS_ALONE = ("all commands", "all measurements")
 

@@ -236,7 +236,9 @@ class Page(PageLoop):
         if moves:
             self._picture.hurry()
         for place, values in moves.items():
-            self._try(lambda values=values, place=place: self.fleet.move(values, place))  # type: ignore[misc]
+            # a flight may be gone, or still be compiled, when its slider's value comes
+            if (place or 0) < len(self.fleet.flights):
+                self._try(partial(self.fleet.move, values, place))
 
     # laws and scenarios
 
@@ -244,6 +246,9 @@ class Page(PageLoop):
         """Show a scenario at its initial state, and start compiling its flights."""
         scenario = fleet.scenario
         self.fleet, self.agent = fleet, next(iter(scenario.agents))
+        with self._server.atomic():
+            # no flight is there whose values they could show, or that they could move
+            self._clear_tabs()
         self._controls.add_agents(self._server.gui, self, scenario.agents)
         self._picture.build(scenario, [law or scenario.law_names for law in laws])
         for place, law in enumerate(laws):
@@ -285,11 +290,7 @@ class Page(PageLoop):
         """Replace sliders and plots by those of the present flights and the chosen
         vehicle.
         """
-        for _, panel in self._panels:
-            panel.remove()
-        for chart in self._charts:
-            chart.remove()
-        self._panels = []
+        self._clear_tabs()
         vehicles = self._vehicles
         with self._controls.plots:
             self._charts = charts(self._server.gui, vehicles)
@@ -301,6 +302,15 @@ class Page(PageLoop):
             self._add_panel(
                 self._controls.laws, i, each.own_knobs, "" if i else "law", each.title
             )
+
+    def _clear_tabs(self) -> None:
+        """Remove sliders and plots."""
+        for _, panel in self._panels:
+            panel.remove()
+        for chart in self._charts:
+            chart.remove()
+        self._panels = []
+        self._charts = []
 
     @property
     def _vehicles(self) -> list[FlownAgent]:
