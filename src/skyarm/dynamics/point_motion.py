@@ -5,6 +5,7 @@ forces.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -65,6 +66,19 @@ class PointMotion:
         have none.
         """
         return self.agents[agent] if agent and self.name else self
+
+    def with_places(self, places: Sequence[tuple[Vec3, Scalars]]) -> PointMotion:
+        """Motion of all vehicles with other positions (m) and joints (rad or m), in the
+        order of ``agents``.
+        """
+        moved = dict[str, PointMotion]()
+        for (name, each), place in zip(self.agents.items(), places, strict=True):
+            state = replace(each.state, position=place[0], joints=place[1])
+            moved[name] = PointMotion(
+                each.vehicle, state, gravity=each.gravity, step=each.step, name=name
+            )
+            moved[name].agents = moved
+        return moved[self.name]
 
     def air_velocity(self, point: Vec3 = ZERO3, body: int = BASE) -> Vec3:
         """World velocity of the air at a point given in a body's frame, m/s."""

@@ -45,22 +45,23 @@ def samples_of(joints: int) -> int:
     return SAMPLES if joints <= MANY else max(min(SAMPLES, FEW // joints), 8)
 
 
-def _limits(vehicle: Vehicle) -> tuple[Array, Array]:
-    """Search range of each joint: its limits, at most half a turn or 1 m either way
-    from zero.
+def joint_range(joint: Joint) -> tuple[float, float]:
+    """Range of a joint to sample: its limits, or one turn about zero for a joint that
+    turns further.
     """
-    # an unlimited joint would have no range to draw from: half a turn either way has
-    # every pose; 1 m is chosen, far beyond the slides of the shipped vehicles (0.12 m)
-    free = [math.pi if joint.turns else 1.0 for joint in vehicle.joints]
-    low = [
-        max(float(joint.lower), -span)
-        for joint, span in zip(vehicle.joints, free, strict=True)
-    ]
-    high = [
-        min(float(joint.upper), span)
-        for joint, span in zip(vehicle.joints, free, strict=True)
-    ]
-    return np.array(low), np.array(high)
+    # a slide has no turn that shows every pose: 1 m is chosen, far beyond those of the
+    # shipped vehicles, which end at 0.12 m
+    free = math.pi if joint.turns else 1.0
+    low, high = joint.ends
+    if math.isinf(low):
+        low = min(-free, high - free)
+    if math.isinf(high):
+        high = max(free, low + free)
+    if joint.turns and high - low > 2.0 * free:
+        # one turn has every pose: the one about zero, moved as far as limits demand
+        middle = min(max(0.0, low + free), high - free)
+        return middle - free, middle + free
+    return low, high
 
 
 def _largest(vehicle: Vehicle, quantities: Quantities, count: int) -> list[float]:
@@ -76,7 +77,7 @@ def _largest(vehicle: Vehicle, quantities: Quantities, count: int) -> list[float
     # a fixed seed: the same vehicle always has the same reach
     rng = np.random.default_rng(0)
     spread = 0.1
-    low, high = _limits(vehicle)
+    low, high = np.array([*map(joint_range, vehicle.joints)]).reshape(-1, 2).T
     tried = rng.uniform(low, high, (samples_of(vehicle.n), vehicle.n))
     values = np.stack([np.broadcast_to(each, len(tried)) for each in quantities(tried)])
     best = tried[np.argmax(values, axis=1)]

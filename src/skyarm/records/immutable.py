@@ -53,6 +53,26 @@ def field_if_any(*, default: V, repr: bool = True) -> V:
     return field(default=default, repr=repr, metadata={UNWRITTEN: None})
 
 
+DERIVED = "derived"
+"""Key of a field's metadata: other fields determine the value, so no file states it and
+no path leads to it."""
+
+
+def derived_field() -> Any:
+    """Field, empty at first, that the record or its owner computes from other
+    fields.
+    """
+    return field(default=(), repr=False, metadata={UNWRITTEN: None, DERIVED: True})
+
+
+@memoize
+def stated_fields(kind: type) -> tuple[str, ...]:
+    """Names of the fields of a dataclass that a file may state."""
+    return tuple(
+        each.name for each in declarations(kind) if DERIVED not in each.metadata
+    )
+
+
 LONGEST = 300
 """Largest number of characters of a record's text, as a notebook prints it below a
 cell."""

@@ -12,8 +12,8 @@ from collections.abc import Callable, Mapping
 from typing import Protocol, Self, TypeAlias
 
 from skyarm.algebra import Quaternion, Scalar, Vec3
-from skyarm.records.immutable import positional
-from skyarm.records.leaves import Place, field_names, parts
+from skyarm.records.immutable import positional, stated_fields
+from skyarm.records.leaves import Place, parts
 from skyarm.records.registry.registrations import name_of
 from skyarm.records.units import Unit
 from skyarm.records.words import words_of_fields
@@ -106,7 +106,7 @@ def field_paths(record: object) -> dict[str, Denoted]:
             for i, name in enumerate(named)
             if name and named.count(name) == 1
         }
-    fields = field_names(type(record)) or ()
+    fields = stated_fields(type(record))
     places = {field: ((field,),) for field in fields}
     if isinstance(record, (Vec3, Quaternion)):
         places |= {str(i): ((field,),) for i, field in enumerate(fields)}

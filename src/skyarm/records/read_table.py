@@ -16,7 +16,7 @@ from skyarm.records.field_rules import defaults
 from skyarm.records.files import Fields, errors_as, shown
 from skyarm.records.files.fields import list_of_tables
 from skyarm.records.files.toml import Entry
-from skyarm.records.immutable import declarations
+from skyarm.records.immutable import declarations, stated_fields
 from skyarm.records.leaves import field_names, is_record_class
 from skyarm.records.registry import find
 from skyarm.records.registry.registrations import name_of
@@ -56,7 +56,7 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
             " file"
         )
     declared, called = declared_units(kind), words_of_fields(kind)
-    fields.expect((*(field_names(kind) or ()), *called.values()))
+    fields.expect((*stated_fields(kind), *called.values()))
     values: dict[str, object] = {}
     read_short: Callable[[Fields], dict[str, object]] | None = getattr(
         kind, "short_spellings", None
@@ -67,6 +67,8 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
             fields.take(called.get(name, name), None)
         values = read_short(fields)
     for field in declarations(kind):
+        if field.name not in stated_fields(kind):
+            continue
         name, required = field.name, field.default is field.default_factory is MISSING
         if name in values:
             continue
@@ -123,7 +125,7 @@ def record_entry(value: object, always: Collection[str] = ()) -> dict[str, Entry
     kind = getattr(value, "registered_as", "")
     named = {"kind": _registered_name(kind, value)} if kind else {}
     usual, words = defaults(type(value)), words_of_fields(type(value))
-    fields = ((name, getattr(value, name)) for name in names)
+    fields = ((name, getattr(value, name)) for name in stated_fields(type(value)))
     stated = (
         (name, each)
         for name, each in fields
@@ -297,23 +299,26 @@ def _several(kind: object, fields: Fields, name: str) -> tuple[object, ...]:
     if kind in (float, Scalar):
         return fields.numbers(name)
     at = fields.at(name)
-    if hasattr(kind, "from_table"):
+    read = {str: lambda value, place: coerce.text(place, value)}.get(
+        kind,  # type: ignore[call-overload]
+        getattr(kind, "from_table", None),
+    )
+    if read is not None:
         values = fields.take(name)
         if not isinstance(values, list):
             raise ValueError(f"{at} = {shown(values)}: must be a list")
-        return tuple(
-            kind.from_table(each, f"{at}[{i}]") for i, each in enumerate(values)
-        )
-    if is_record_class(kind):
+        return tuple(read(each, f"{at}[{i}]") for i, each in enumerate(values))
+    if is_record_class(kind) and kind is not Vec3:
         return tuple(record_from(kind, table) for table in fields.tables(name))
-    if typing.get_origin(kind) is not tuple:
+    if kind is not Vec3 and typing.get_origin(kind) is not tuple:
         raise ValueError(f"{at}: a field of several {kind} cannot be read from a file")
     lists = fields.take(name)
     if not isinstance(lists, (list, tuple)):
         raise ValueError(f"{at} = {shown(lists)}: must be a list of lists of numbers")
     # rows as fields of a table, so that messages name their index
     rows = Fields({str(i): each for i, each in enumerate(lists)}, at)
-    return tuple(map(rows.numbers, rows.table))
+    vectors = (Vec3(*rows.vector(name)) for name in rows.table)
+    return tuple(vectors if kind is Vec3 else map(rows.numbers, rows.table))
 
 
 def registered_from(

@@ -17,6 +17,7 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import TypeVar, cast
 
 from skyarm.algebra import Scalar
+from skyarm.algebra.scalars import where
 from skyarm.algebra.scalars.elementary import COMPOSED
 from skyarm.compile.tracing.tracer import Graph, Lowered, Node, is_condition
 from skyarm.records.leaves import blend, leaves, mismatch, rebuild
@@ -115,6 +116,35 @@ def repeat_while(
     return repeat(count, round_of, (rounds, record), until=0)[1]
 
 
+Made = TypeVar("Made")
+
+
+def compute_where(
+    condition: Scalar, function: Callable[[Record], Made], record: Record, other: Made
+) -> Made:
+    """Function of a record where a condition holds, else ``other``, a record of as many
+    scalars.
+
+    Machine code computes the function only if the condition holds in one of its lanes.
+
+    Args:
+        condition: bool, or a symbolic one.
+        function: pure function of the record; what does not depend on the record is
+            computed in any case.
+        record: nested dataclass of scalars.
+        other: result where the condition does not hold.
+    """
+    if isinstance(condition, bool):
+        return function(record) if condition else other
+    return repeat_while(
+        1,
+        where(condition, 1.0, 0.0),
+        # the record goes round with the result: what does not would leave the loop
+        lambda both: (both[0], function(both[0])),
+        (record, other),
+    )[1]
+
+
 def repeat(
     count: int,
     function: Callable[[Record], Record],
@@ -170,6 +200,8 @@ def compiled_once(
     function: Callable[[Record], Result],
     record: Record,
     constants: object = (),
+    *,
+    any_numbers: bool = False,
 ) -> Result:
     """Apply a function to a record; in a program for machine code, by code that is
     written once for all equal calls.
@@ -184,8 +216,17 @@ def compiled_once(
         record: nested dataclass of scalars.
         constants: what else the function depends on; where it has a symbolic value,
             each call has code of its own.
+        any_numbers: calls are equal whatever the floats of the record are; without,
+            these are constants of the code.
     """
     symbols = _symbols(record)
+    if any_numbers and symbols:
+        lift = symbols[0].graph.lift
+        record = rebuild(
+            record,
+            (lift(x) if type(x) is float else x for x in leaves(record)),
+        )
+        symbols = _symbols(record)
     whole = (record, constants)
     functions = symbols[0].graph.functions if symbols else None
     if functions is None or _symbols(constants):
@@ -194,6 +235,8 @@ def compiled_once(
     call = next((each for each in known if _equal_call(each[0], whole)), None)
     if call is None:
         inner = Graph(loops=True)
+        # what a function calls is written once for all that call it
+        inner.functions = functions
         inputs = [inner.input(f"x{i}") for i, _ in enumerate(symbols)]
         result = function(_with_symbols(record, inputs))
         result = _with_symbols(
@@ -205,6 +248,8 @@ def compiled_once(
         if any(map(is_condition, (*symbols, *outputs))):
             return function(record)
         call = whole, lower(inputs, live(outputs), outputs), result
+        # closing a graph clears its functions, which others share here
+        inner.functions = None
         inner.close(lowered=True)
         known.append(call)
     graph, (_, lowered, shape) = symbols[0].graph, call
@@ -285,22 +330,31 @@ EARLY = 4
 contact: its most are hundreds."""
 
 
-def operations(nodes: Iterable[Node], *, written: bool = False) -> int:
+def operations(
+    nodes: Iterable[Node],
+    *,
+    written: bool = False,
+    known: dict[int, int] | None = None,
+) -> int:
     """Count the operations that one evaluation of a program executes.
 
     Args:
         nodes: operations of the program.
         written: count what is compiled: code once, however often it is called or
             repeated.
+        known: operations of functions that are counted already, by their identity.
     """
     quiet = ("input", "const", "item", "result")
-    sizes = dict[int, int]()
+    sizes = {} if known is None else known
     count = 0
 
     def of(block: Node) -> int:
         """Number of operations of a call beyond the one that it is."""
         if id(block.value) not in sizes:
-            sizes[id(block.value)] = operations(block.value.nodes, written=written)
+            sizes[id(block.value)] = 0
+            sizes[id(block.value)] = operations(
+                block.value.nodes, written=written, known=sizes
+            )
         return -1 if written else sizes[id(block.value)] - 1
 
     for node, body in arrange(nodes):
@@ -312,4 +366,5 @@ def operations(nodes: Iterable[Node], *, written: bool = False) -> int:
             ) * rounds
         elif node.op not in quiet:
             count += of(node) + 1 if node.op == "apply" else 1
-    return count + (sum(sizes.values()) if written else 0)
+    # what functions call is among them, so only the whole program adds them up
+    return count + (sum(sizes.values()) if written and known is None else 0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +50,7 @@ METRES: Scale = (1.0, 1.0, 1.0)
 """Length (m) of one unit of a mesh file, along each axis."""
 
 
-def read_corners(path: PathLike, scale: Scale = METRES) -> Array:
+def read_corners(path: PathLike, scale: Sequence[float] = METRES) -> Array:
     """Read the triangle corners (m) of an STL file, shape (F, 3, 3).
 
     Args:
@@ -59,6 +60,27 @@ def read_corners(path: PathLike, scale: Scale = METRES) -> Array:
     Raises:
         ValueError: without the file's name: it is not there, no STL, or beyond measure.
     """
+    content = mesh_content(path)
+    written = _binary(content) if _is_binary(content) else _text(content)
+    if not 1 <= len(written) <= MOST:
+        raise ValueError(f"has {len(written)} triangles, must have from 1 to {MOST}")
+    with np.errstate(over="ignore", invalid="ignore"):  # refused below
+        corners: Array = written * np.array(scale)
+    largest = require_near(corners)
+    points = corners.reshape(-1, 3)
+    # relative to the largest, since rounding of float32 grows with the distance
+    thinnest = max(1e-6 * largest, THINNEST) * math.sqrt(len(points))
+    if np.linalg.matrix_rank(points - points.mean(axis=0), tol=thinnest) < 3:
+        raise ValueError("has all of its vertices in one plane: must have a volume")
+    return corners
+
+
+def mesh_content(path: PathLike) -> bytes:
+    """Content of a mesh file.
+
+    Raises:
+        ValueError: without the file's name: it is not there, or too large.
+    """
     where = Path(path)
     if reason := unreadable(where):
         raise ValueError(reason)
@@ -67,26 +89,24 @@ def read_corners(path: PathLike, scale: Scale = METRES) -> Array:
             raise ValueError(
                 f"has {size / 1e6:.0f} MB, must have at most {LARGEST / 1e6:.0f} MB"
             )
-        content = where.read_bytes()
+        return where.read_bytes()
     except OSError as error:
         raise ValueError(error.strerror or str(error)) from None
-    written = _binary(content) if _is_binary(content) else _text(content)
-    if not 1 <= len(written) <= MOST:
-        raise ValueError(f"has {len(written)} triangles, must have from 1 to {MOST}")
-    with np.errstate(over="ignore", invalid="ignore"):  # refused below
-        corners: Array = written * np.array(scale)
+
+
+def require_near(corners: Array) -> float:
+    """Largest coordinate (m) of a mesh.
+
+    Raises:
+        ValueError: it is beyond ``FARTHEST``, or no number.
+    """
     largest = float(np.abs(corners).max())
     if not largest <= FARTHEST:  # NaN, too
         raise ValueError(
             f"has a vertex at {largest:g}: must be in metres, within {FARTHEST:g} m of"
             " the origin"
         )
-    points = corners.reshape(-1, 3)
-    # relative to the largest, since rounding of float32 grows with the distance
-    thinnest = max(1e-6 * largest, THINNEST) * math.sqrt(len(points))
-    if np.linalg.matrix_rank(points - points.mean(axis=0), tol=thinnest) < 3:
-        raise ValueError("has all of its vertices in one plane: must have a volume")
-    return corners
+    return largest
 
 
 def read_stl(path: PathLike, scale: Scale = METRES) -> tuple[Array, IntArray]:
