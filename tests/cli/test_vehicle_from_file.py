@@ -403,6 +403,11 @@ def test_rotors_that_ride_on_a_joint_are_kept_and_the_joint_is_asked_for(folder)
     assert done.code == 0, done
     written = (folder / "mine.toml").read_text("utf-8")
     assert '# [[joints]]\n# name = "shoulder"\n# hold = ...' in written
+    skyarm("new", "vehicle", "touching", "--from", "r.urdf", "--collisions", "file")
+    added = '\nimport_collisions = "file"'
+    text_of_it = (folder / "touching.toml").read_text("utf-8")
+    assert added in text_of_it
+    assert text_of_it.replace(added, "").replace("touching", "mine") == written
     asked = skyarm("check", "mine.toml")
     assert "state them in mine.toml" in asked.out
     assert "--from" not in asked.out
@@ -516,3 +521,20 @@ def test_a_mesh_that_is_not_there_is_told_beside_drawing_and_checks(tmp_path):
     assert (picture.code, picture.out.splitlines()[1:]) == (0, [line])
     note = " ".join(skyarm("check", str(file), columns=200).out.split())
     assert f"note meshes {line}" in note
+
+
+def test_shapes_of_a_file_are_written_where_they_are_asked_for(folder):
+    shape = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
+    body = link("hull", mass=1.0).replace("</link>", f"{shape * 2}</link>")
+    saved(folder, quad().replace(link("hull", (0.02, 0.02, 0.03), mass=1.2), body))
+    new = ("new", "vehicle", "mine", "--from", "r.urdf", "--force")
+    for word, count in (("none", 0), ("file", 2), ("capsules", 2)):
+        assert skyarm(*new, "--collisions", word).code == 0
+        assert len(load_vehicle("mine.toml").collisions) == count
+    refused(
+        skyarm(*new, "--collisions", "all"), "import_collisions = 'all'", "capsules"
+    )
+    alone = ("new", "vehicle", "other", "--collisions", "file")
+    refused(skyarm(*alone), "--collisions: must be left out without --from")
+    own = skyarm(*alone, "--from", "mine.toml")
+    refused(own, "--collisions = 'file'", "must be left out: FILE has its own")

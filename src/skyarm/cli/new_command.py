@@ -25,6 +25,7 @@ from skyarm.records.files.earlier_files import naming
 from skyarm.records.files.names import is_result_name
 from skyarm.records.files.writing import require_new
 from skyarm.studies.assess.assessment import check as assess
+from skyarm.vehicle.imported_shapes import IMPORTS
 from skyarm.vehicle.own_file import bare_multirotor, own_vehicle_file
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
@@ -90,6 +91,14 @@ def new(
             metavar="NAME", help="with --from: link or frame that is the end effector"
         ),
     ] = "",
+    collisions: Annotated[
+        str,
+        typer.Option(
+            metavar="WORD",
+            help="with --from: shapes that touch: none, file or capsules",
+            autocompletion=word_completion(*IMPORTS),
+        ),
+    ] = "none",
     rotors: Annotated[
         int,
         typer.Option(
@@ -115,11 +124,15 @@ def new(
         )
     if tip and not source:
         raise ValueError(f"--tip = {shown(tip)}: must stand beside --from")
+    if not source:
+        require_left_out(context, ["--collisions"], " without --from")
     if not rotors:
         require_left_out(context, ["--arm-length", "--mass"], " without --rotors")
     elif source or kind != "vehicle":
         raise ValueError(f"--rotors = {rotors}: must be of a vehicle without --from")
-    own, flies = own_vehicle_file(source, name, tip) if source else ("", True)
+    own, flies = "", True
+    if source:
+        own, flies = own_vehicle_file(source, name, tip, collisions)
     if rotors:
         own = bare_multirotor(name, rotors, arm_length, mass)
     files = write_starter(kind, name, out, force=force, own=own, flies=flies)

@@ -17,7 +17,7 @@ from skyarm.vehicle import description
 from skyarm.vehicle.check import NOISE, VehicleError, principal_moments, refuse
 from skyarm.vehicle.linkage import BASE, Body, Follower, Joint, Link
 from skyarm.vehicle.stated_rotors import StatedRotor
-from skyarm.vehicle.vehicle_records import Frame, Look, Vehicle
+from skyarm.vehicle.vehicle_records import Frame, Vehicle
 
 MIMIC = ("lock", "couple")
 """Treatments of joints that follow others: fixed at rest, or moved with their
@@ -46,7 +46,7 @@ class Mount:
 OF_JOINTS = ("mimics", "drives", "faults", "speeds")
 """Fields of bodies that hold what their joints have."""
 
-FrameOrLook = TypeVar("FrameOrLook", Frame, Look)
+FrameOrLook = TypeVar("FrameOrLook", bound=Frame)
 
 
 def at_origin(link: int = BASE, name: str = "") -> Frame:
@@ -175,7 +175,7 @@ def bodies_of(vehicle: Vehicle) -> RigidBodies:
         vehicle.frames,
         mimics,
         vehicle.notes,
-        vehicle.looks,
+        (*vehicle.looks, *vehicle.collisions),
     )
 
 
@@ -473,7 +473,7 @@ class RigidBodies:
         mimics: name of a joint that follows another one -> relation to its leader; no
             joint does if empty.
         notes: elements that its reader left out or read in another way, a line each.
-        looks: meshes of its links.
+        looks: meshes of its links, and shapes that touch.
         rotors: rotors that its file states.
         drives: servos that its file states: joint -> table as ``[drives.JOINT]`` of a
             vehicle file has it.
@@ -492,7 +492,7 @@ class RigidBodies:
     frames: tuple[Frame, ...]
     mimics: Mapping[str, Mimic] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    looks: tuple[Look, ...] = ()
+    looks: tuple[Frame, ...] = ()
     rotors: tuple[StatedRotor, ...] = ()
     speeds: Mapping[str, float] = field(default_factory=dict)
     drives: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -596,7 +596,7 @@ class BodyTree:
     def __init__(self, mimics: Mapping[str, Mimic], notes: Notes) -> None:
         self.links: list[Link] = []
         self.frames: list[Frame] = []
-        self.looks: list[Look] = []
+        self.looks: list[Frame] = []
         self.parts: list[list[Body]] = [[]]
         self.mimics, self.notes = mimics, notes
 

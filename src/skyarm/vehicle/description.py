@@ -78,6 +78,51 @@ def rotation_rpy(rpy: Sequence[float]) -> Mat3:
     )
 
 
+def rpy_of(rotation: Mat3) -> tuple[float, float, float]:
+    """Roll, pitch and yaw (rad) about fixed axes; in full also where the pitch is a
+    right angle.
+    """
+    R = [[float(each) for each in row] for row in rotation.rows]
+    yaw = math.atan2(R[1][0], R[0][0])
+    # yaw is taken from the first column first: at a pitch of a right angle the last
+    # angle absorbs the rest
+    s, c = math.sin(yaw), math.cos(yaw)
+    pitch = math.atan2(-R[2][0], c * R[0][0] + s * R[1][0])
+    return (
+        math.atan2(s * R[0][2] - c * R[1][2], c * R[1][1] - s * R[0][1]),
+        pitch,
+        yaw,
+    )
+
+
+Vector = tuple[float, float, float]
+
+Matrix = tuple[Vector, Vector, Vector]
+
+UPRIGHT: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def turn_onto(axis: Iterable[Any]) -> Matrix:
+    """Rotation matrix (rows) of the smallest rotation that turns the z axis onto a
+    given axis.
+    """
+    way = [*map(float, axis)]
+    length = math.hypot(*way)
+    if length == 0.0:
+        return UPRIGHT
+    x, y, z = (component / length for component in way)
+    across = x * x + y * y
+    if z < 0.0 and across == 0.0:
+        return ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
+    # 1 / (1 + z), which loses its digits next to the lower pole
+    k = 1.0 / (1.0 + z) if z > 0.0 else (1.0 - z) / across
+    return (
+        (1.0 - k * x * x, -k * x * y, x),
+        (-k * x * y, 1.0 - k * y * y, y),
+        (-x, -y, z),
+    )
+
+
 def unit_quaternion(R: Mat3) -> list[float]:
     """Unit quaternion w, x, y, z of a rotation matrix.
 

@@ -14,12 +14,13 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skyarm.algebra import ZERO3, Mat3, Quaternion, Sym3, Vec3
+from skyarm.algebra import ZERO3, Mat3, Quaternion, Scalar, Sym3, Vec3
 from skyarm.records.arrays import Array
 from skyarm.records.files import one_line
 from skyarm.vehicle import description
@@ -35,6 +36,8 @@ from skyarm.vehicle.attach import (
     with_pose,
 )
 from skyarm.vehicle.check import VehicleError, refuse, unused_name
+from skyarm.vehicle.convex_hull import COLLISION_SIZES
+from skyarm.vehicle.imported_shapes import collision_of, file_shape
 from skyarm.vehicle.linkage import Body, Joint
 from skyarm.vehicle.mjcf_actuators import (
     AT_JOINT,
@@ -45,7 +48,7 @@ from skyarm.vehicle.mjcf_actuators import (
 )
 from skyarm.vehicle.rotor_sources.mujoco_thrust import SITE, MujocoVehicle
 from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
-from skyarm.vehicle.vehicle_records import Frame
+from skyarm.vehicle.vehicle_records import Collision, Frame
 from skyarm.vehicle.xml_elements import finite, read_xml, require_root
 
 if TYPE_CHECKING:
@@ -432,6 +435,12 @@ def _read_body(tree: _MujocoTree, body: int) -> None:
         com = at.position + at.rotation.apply(description.vector(model.body_ipos[body]))
         moments = Sym3.from_numbers(*model.body_inertia[body].tolist())
         tree.add_body(at.link, Body(mass=mass, com=com, inertia=moments.rotate(R)))
+    # geoms of the world are its floor and walls
+    touching = (model.geom_contype | model.geom_conaffinity).astype(bool)
+    link = name_of(model, "body", body)
+    for geom in np.flatnonzero(touching & (model.geom_bodyid == (body or -1))):
+        read = partial(_shape_of, model, int(geom), link)
+        tree.looks.append(file_shape(at, link, read))
     for site in range(model.nsite):
         name = name_of(model, "site", site)
         if model.site_bodyid[site] == body and (
@@ -441,6 +450,79 @@ def _read_body(tree: _MujocoTree, body: int) -> None:
             R, p = _pose_of(model, "site", site)
             tree.sites[name] = tree.unique(name)
             tree.frames.append(posed_in(at, R, p, tree.sites[name]))
+
+
+GEOMS = "plane hfield sphere capsule ellipsoid cylinder box hull sdf"
+"""Shapes of geoms, in the order of MuJoCo's enumeration; its mesh is a hull."""
+
+
+def _shape_of(model: MjModel, geom: int, link: str, notes: Notes) -> Collision | None:
+    """Shape of a geom; None, with a note, for one that has no counterpart."""
+    kind = GEOMS.split()[model.geom_type[geom]]
+    if kind not in COLLISION_SIZES:
+        notes.add(f"its {kind} left out: no shape that touches", link, "link")
+        return None
+    at = posed_in(at_origin(), *_pose_of(model, "geom", geom))
+    return collision_of(link, kind, at, _size_of(model, geom, kind), notes)
+
+
+def _size_of(model: MjModel, geom: int, kind: str) -> list[float] | Array:
+    """Lengths (m) of a geom as of ``COLLISION_SIZES``, or the vertices of its mesh."""
+    if kind == "hull":
+        mesh = model.geom_dataid[geom]
+        first = model.mesh_vertadr[mesh]
+        rows = slice(first, first + model.mesh_vertnum[mesh])
+        vertices: Array = model.mesh_vert[rows].astype(float)
+        return vertices
+    # MuJoCo states halves of all lengths but radii
+    return [
+        half if word == "radius" else 2.0 * half
+        for word, half in zip(
+            COLLISION_SIZES[kind], model.geom_size[geom].tolist(), strict=False
+        )
+    ]
+
+
+def read_scene(
+    path: Path, prefix: str, most: int, notes: Notes
+) -> list[tuple[Frame, Scalar]]:
+    """Shapes and friction of the geoms of an MJCF file that may touch, in its axes.
+
+    A plane is a frame whose z axis leads out of it.
+
+    Args:
+        path: path of the file.
+        prefix: begins the names of the shapes.
+        most: largest number of corners of a hull.
+        notes: takes a note on each hull without some corners of its mesh.
+
+    Raises:
+        VehicleError: without the file's name: a body that moves, a shape that touches
+            in MuJoCo alone, or no shape.
+    """
+    model = _compile(path, Notes())
+    moves = (model.body_jntnum > 0) | (model.body_mocapid >= 0)
+    for body in np.flatnonzero(moves).tolist():
+        cure = "what moves is one of [[world.objects]] or a vehicle"
+        name = name_of(model, "body", body)
+        refuse(f"body[{name}]", "moves", f"must be fixed in a scene; {cure}")
+    data, shapes = _at_rest(model, 0), list[tuple[Frame, Scalar]]()
+    for geom in np.flatnonzero(model.geom_contype | model.geom_conaffinity).tolist():
+        name = name_of(model, "geom", geom)
+        kind = GEOMS.split()[model.geom_type[geom]]
+        if kind not in ("plane", *COLLISION_SIZES):
+            allowed = "touches in MuJoCo alone; must be plane, box, sphere, capsule,"
+            refuse(f"geom[{name}].type", kind, f"{allowed} cylinder or mesh")
+        R = Mat3.from_numbers(data.geom_xmat[geom].reshape(3, 3).tolist())
+        p = description.vector(data.geom_xpos[geom])
+        shape = posed_in(at_origin(), R, p, prefix + name)
+        if kind != "plane":
+            size = _size_of(model, geom, kind)
+            shape = collision_of(shape.name, kind, shape, size, notes, most)
+        shapes.append((shape, float(model.geom_friction[geom][0])))
+    if not shapes:
+        refuse("geoms", 0, "must be one or more that touch (contype or conaffinity)")
+    return shapes
 
 
 def _pose_of(model: MjModel, kind: str, index: int) -> tuple[Mat3, Vec3]:

@@ -54,7 +54,9 @@ NO_ROTORS = """
 """
 
 
-def own_vehicle_file(file: str, name: str, tip: str = "") -> tuple[str, bool]:
+def own_vehicle_file(
+    file: str, name: str, tip: str = "", collisions: str = "none"
+) -> tuple[str, bool]:
     """Text of a vehicle file, and whether the vehicle in it is whole or has gaps,
     written as comments to be filled in.
 
@@ -62,16 +64,19 @@ def own_vehicle_file(file: str, name: str, tip: str = "") -> tuple[str, bool]:
         file: name or path that :func:`skyarm.load_vehicle` takes.
         name: name of the vehicle in the text.
         tip: link or frame that becomes the end effector; that of the file if empty.
+        collisions: shapes of the file that touch, as ``import_collisions``.
 
     Raises:
         VehicleError: one line: the file cannot be read, has no such tip, or lacks
             numbers in a file of this library.
     """
-    loaded, bodies = load_with_bodies(file)
+    loaded, bodies = load_with_bodies(file, collisions)
+    if bodies is None and collisions != "none":
+        refuse("--collisions", collisions, "must be left out: FILE has its own")
     if loaded.gaps and bodies is None:
         refuse("--from", file, f"must be whole: {loaded.gaps[0]}")
     with naming_file(file):
-        return _text(file, replace(loaded, name=name), bodies, tip)
+        return _text(file, replace(loaded, name=name), bodies, tip, collisions)
 
 
 def bare_multirotor(name: str, rotors: int, arm_length: float, mass: float) -> str:
@@ -110,7 +115,7 @@ def bare_multirotor(name: str, rotors: int, arm_length: float, mass: float) -> s
 
 
 def _text(
-    file: str, vehicle: Vehicle, bodies: RigidBodies | None, tip: str
+    file: str, vehicle: Vehicle, bodies: RigidBodies | None, tip: str, collisions: str
 ) -> tuple[str, bool]:
     path = robot_file(file) if is_robot(file) else Path(file)
     if tip:
@@ -167,6 +172,7 @@ def _text(
             toml=toml_value,
             source=source,
             file=named,
+            collisions=collisions,
             vehicle=vehicle,
             head=head,
             joints=joints,

@@ -19,7 +19,7 @@ from typing import Any
 
 from skyarm.algebra import Mat3, Sym3, Vec3
 from skyarm.records.immutable import positional
-from skyarm.vehicle import check
+from skyarm.vehicle import check, description
 from skyarm.vehicle.check import VehicleError, unused_name
 from skyarm.vehicle.linkage import BASE, Body, Follower, Joint
 from skyarm.vehicle.vehicle_records import Frame, Rotor, Vehicle, require_plant
@@ -44,20 +44,8 @@ class _Piece:
 
     @property
     def angles(self) -> tuple[float, float, float]:
-        """Roll, pitch and yaw (rad) about fixed axes; in full also where the pitch is a
-        right angle.
-        """
-        R = [[float(each) for each in row] for row in self.rotation.rows]
-        yaw = math.atan2(R[1][0], R[0][0])
-        # yaw is taken from the first column first: at a pitch of a right angle the last
-        # angle absorbs the rest
-        s, c = math.sin(yaw), math.cos(yaw)
-        pitch = math.atan2(-R[2][0], c * R[0][0] + s * R[1][0])
-        return (
-            math.atan2(s * R[0][2] - c * R[1][2], c * R[1][1] - s * R[0][1]),
-            pitch,
-            yaw,
-        )
+        """Roll, pitch and yaw (rad) about fixed axes."""
+        return description.rpy_of(self.rotation)
 
 
 def urdf_text(vehicle: Vehicle) -> str:
@@ -252,15 +240,4 @@ def _upright(rotor: Rotor) -> Mat3:
     """Rotation whose z axis is a rotor's axis, by the shortest turn from z; about x
     where it points down.
     """
-    x, y, z = map(float, rotor.axis)
-    # the shortest turn is undefined for -z; half a turn about x is one of them
-    if z <= -1.0 + 1e-12:
-        return Mat3.from_numbers([[1, 0, 0], [0, -1, 0], [0, 0, -1]])
-    k = 1.0 / (1.0 + z)
-    return Mat3.from_numbers(
-        [
-            [1.0 - k * x * x, -k * x * y, x],
-            [-k * x * y, 1.0 - k * y * y, y],
-            [-x, -y, z],
-        ]
-    )
+    return Mat3.from_numbers(description.turn_onto(rotor.axis))

@@ -26,7 +26,7 @@ from skyarm.vehicle import description
 from skyarm.vehicle.attach import Notes, RigidBodies, at_origin, posed_in, with_pose
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.rotor_sources.own_files import OWN
-from skyarm.vehicle.urdf import UNLIMITED, read_robot
+from skyarm.vehicle.urdf import TRUE, UNLIMITED, read_robot, sdf_pose
 from skyarm.vehicle.vehicle_records import Frame
 from skyarm.vehicle.xml_elements import (
     finite,
@@ -49,8 +49,6 @@ FOLDERS = (
 DEEPEST = 100
 """Largest number of models in one vehicle, and of frames between a frame and the
 vehicle's."""
-
-TRUE = ("1", "true", "True", "TRUE")
 
 OF_PLUGINS = ("linkName", "jointName", "link_name")
 """Elements anywhere in a plugin that name a link or joint of its model."""
@@ -283,7 +281,7 @@ class _Tree:
         start = pose.get("relative_to") or pose.get("frame")
         self.frames[key] = (
             scope.whole(start) if start else base,
-            _pose(pose, f"{kind}[{name}].pose"),
+            sdf_pose(pose, f"{kind}[{name}].pose"),
             inner.whole(placement) if placement else "",
         )
         for sensor in element.findall("sensor"):
@@ -292,6 +290,10 @@ class _Tree:
             self.add(element, inner)
         elif kind == "link":
             self.links[name] = element
+            for uri in element.iterfind("collision//uri"):
+                # an included file names meshes from its own folder
+                if "://" not in (mesh := text_of(uri)):
+                    uri.text = str(scope.file.resolve().parent / mesh)
             if text_of(element, "gravity", "1") not in TRUE:
                 self.notes.add(
                     "without gravity in the file; here it weighs", name, "link"
@@ -348,7 +350,9 @@ class _Tree:
         """URDF robot of the same links, joints, frames and plugins."""
         robot = ET.Element("robot", name=name)
         for link, element in self.links.items():
-            _add_inertial(ET.SubElement(robot, "link", name=link), element, self.notes)
+            urdf = ET.SubElement(robot, "link", name=link)
+            _add_inertial(urdf, element, self.notes)
+            urdf.extend(element.findall("collision"))
         for joint, (element, scope) in self.joints.items():
             above, below = (text_of(element, end, "?") for end in ("parent", "child"))
             # SDF's world joint pins the vehicle; in flight it must be free
@@ -468,23 +472,6 @@ def _texts(element: ET.Element, path: str) -> dict[str, str]:
     }
 
 
-def _pose(pose: ET.Element, field: str) -> Frame:
-    """Position (m) and rotation of an SDF <pose>, by roll, pitch, yaw (rad or degrees)
-    or a quaternion.
-    """
-    text, four = text_of(pose), pose.get("rotation_format") == "quat_xyzw"
-    if not text:
-        return ORIGIN
-    x, y, z, *turn = numbers_of(text, field, 7 if four else 6)
-    if four:
-        R = description.rotation_quaternion(field, [turn[3], *turn[:3]])
-    else:
-        R = description.rotation_rpy(
-            list(map(math.radians, turn)) if pose.get("degrees") in TRUE else turn
-        )
-    return replace(ORIGIN, position=description.vector((x, y, z)), rotation=R)
-
-
 def _within(outer: Frame, inner: Frame) -> tuple[Mat3, Vec3]:
     """Pose of a frame in another one, both in the axes of a third."""
     R = outer.rotation
@@ -544,7 +531,7 @@ def _add_inertial(urdf: ET.Element, link: ET.Element, notes: Notes) -> None:
         # SDF defines 1 for what is left out; a silent default could fly, so it is noted
         given |= dict.fromkeys(missing, "1")
     inertial = ET.SubElement(urdf, "inertial")
-    at = _pose(_inner(stated, "pose"), f"link[{name}].inertial.pose")
+    at = sdf_pose(_inner(stated, "pose"), f"link[{name}].inertial.pose")
     _set_origin(inertial, at.rotation, at.position)
     ET.SubElement(inertial, "mass", value=given["mass"])
     ET.SubElement(inertial, "inertia", {"ixy": "0", "ixz": "0", "iyz": "0", **given})

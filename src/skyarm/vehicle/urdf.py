@@ -13,14 +13,17 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Container, Mapping
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path, PurePosixPath
 from types import MappingProxyType
 from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
-from skyarm.records.files import PathLike
+from skyarm.records.arrays import Array
+from skyarm.records.files import PathLike, errors_as
+from skyarm.records.files.mesh_vertices import MESHES, read_vertices
 from skyarm.records.files.stl_mesh import FARTHEST, METRES, read_corners
 from skyarm.records.immutable import positional
 from skyarm.vehicle import description
@@ -35,21 +38,25 @@ from skyarm.vehicle.attach import (
     moved_into,
     posed_in,
 )
-from skyarm.vehicle.check import refuse
+from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.convex_hull import COLLISION_SIZES
+from skyarm.vehicle.imported_shapes import collision_of, file_shape
 from skyarm.vehicle.linkage import BASE, Body, Joint
 from skyarm.vehicle.rotor_sources.own_files import OWN
 from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
-from skyarm.vehicle.vehicle_records import WITHOUT_MESH, Look, Vehicle
+from skyarm.vehicle.vehicle_records import WITHOUT_MESH, Collision, Frame, Look, Vehicle
 from skyarm.vehicle.vehicle_tables import vehicle_from
 from skyarm.vehicle.xacro_files import expand_xacro
 from skyarm.vehicle.xml_elements import (
     child,
+    finite,
     number,
     numbers,
     numbers_of,
     parse_xml,
     require_root,
     required_numbers,
+    text_of,
 )
 
 READ = ("link", "joint", "material", "plugin", OWN)
@@ -139,11 +146,18 @@ def read_robot(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> Rigid
     )
 
 
-def urdf_vehicle(bodies: RigidBodies) -> Vehicle:
+def urdf_vehicle(bodies: RigidBodies, collisions: str = "none") -> Vehicle:
     """Vehicle from a URDF file, with the rotors that it states; a frame named 'tip'
     becomes the end effector.
+
+    ``collisions`` is the word of ``import_collisions``.
     """
-    document = {"schema": 1, "name": bodies.name, "urdf": bodies.name}
+    document = {
+        "schema": 1,
+        "name": bodies.name,
+        "urdf": bodies.name,
+        "import_collisions": collisions,
+    }
     # a robot without end effector still flies; only a frame called tip is sure to be
     # one
     if any(frame.name == "tip" for frame in bodies.frames):
@@ -198,6 +212,9 @@ def _bodies(
         tree.looks += [
             moved_into(seat, look) for look in looks_of(file.links[name], path, notes)
         ]
+        for element in file.links[name].findall("collision"):
+            read = partial(_shape_of, name, element, path)
+            tree.looks.append(file_shape(seat, name, read))
     made = tree.bodies(robot.get("name") or "urdf", root, mimic == "couple")
     return replace(
         made, speeds={name: _speed(joint) for name, joint in file.joints.items()}
@@ -511,15 +528,15 @@ def resting(follows: Mimic, joints: Mapping[str, ET.Element]) -> float:
     return follows.at_rest(*(limits(leader) if fixed is None else (fixed, fixed)))
 
 
-PACKAGE, FILE = "package://", "file://"
+PACKAGES, FILE = ("package://", "model://"), "file://"
 
 
 def mesh_file(address: str, urdf: Path) -> Path | None:
     """Path of the file that a mesh address denotes; None if there is no such file.
 
     Args:
-        address: ``package://PACKAGE/PATH``, ``file://PATH`` or a path beside the URDF
-            file.
+        address: ``package://PACKAGE/PATH``, so with ``model://``, ``file://PATH`` or a
+            path beside the URDF file.
         urdf: the file that states it. A package is the folder of that name above it or
             beside one above it, or the folder above it that holds a ``package.xml``.
     """
@@ -535,9 +552,9 @@ def _candidates(address: str, urdf: Path) -> list[Path]:
     folder = urdf.resolve().parent
     if address.startswith(FILE):
         return [Path(address.removeprefix(FILE))]
-    if not address.startswith(PACKAGE):
+    if not address.startswith(PACKAGES):
         return [folder / address]
-    package, *inside = PurePosixPath(address.removeprefix(PACKAGE)).parts or ("",)
+    package, *inside = PurePosixPath(address.partition("://")[2]).parts or ("",)
     above = [folder, *folder.parents]
     # nearest packages first: the one around the file, then those beside it
     roots = [each for each in above if each.name == package]
@@ -598,6 +615,68 @@ def looks_of(link: ET.Element, urdf: Path, notes: Notes) -> list[Look]:
                 )
             )
     return looks
+
+
+LEFT_OUT = (
+    f"left out: must be {', '.join([*COLLISION_SIZES][:4])} or a mesh of"
+    f" {' or '.join(MESHES)} that is there, and not relative_to another frame"
+)
+"""Note on a shape that cannot be used."""
+
+
+def _shape_of(
+    link: str, element: ET.Element, file: Path, notes: Notes
+) -> Collision | None:
+    """Shape of an element <collision> of URDF or SDF; None, with a note, for one that
+    cannot be used.
+    """
+    shape, pose = next(element.iterfind("geometry/*"), element), element.find("pose")
+    kind, name = shape.tag, _entry(shape, "filename") or _entry(shape, "uri")
+    mesh = mesh_file(name, file) if kind == "mesh" else None
+    usable = mesh.suffix.lower() in MESHES if mesh else kind in COLLISION_SIZES
+    if not usable or (pose is not None and pose.get("relative_to")):
+        notes.add(f"its <{kind}> {name} {LEFT_OUT}", link, "link")
+        return None
+    with errors_as(VehicleError, f"link[{link}].collision: "):
+        if pose is None:
+            at = posed_in(at_origin(), *origin_of(element, "collision"))
+        else:
+            at = sdf_pose(pose, "pose")
+        size: Sequence[float] | Array
+        if mesh:
+            scale = _entry(shape, "scale") or "1 1 1"
+            size = read_vertices(mesh, numbers_of(scale, "scale", 3))
+        elif kind == "box":
+            size = numbers_of(_entry(shape, "size"), "size", 3)
+        else:
+            words = COLLISION_SIZES[kind]
+            size = [finite(_entry(shape, word), word) for word in words]
+        return collision_of(link, "hull" if mesh else kind, at, size, notes)
+
+
+def _entry(shape: ET.Element, word: str) -> str:
+    """Text of an entry of a shape: an attribute in URDF, an element in SDF."""
+    return shape.get(word) or text_of(shape, word)
+
+
+TRUE = ("1", "true", "True", "TRUE")
+
+
+def sdf_pose(pose: ET.Element, field: str) -> Frame:
+    """Position (m) and rotation of an SDF <pose>, by roll, pitch, yaw (rad or degrees)
+    or a quaternion.
+    """
+    text, four = text_of(pose), pose.get("rotation_format") == "quat_xyzw"
+    if not text:
+        return at_origin()
+    x, y, z, *turn = numbers_of(text, field, 7 if four else 6)
+    if four:
+        R = description.rotation_quaternion(field, [turn[3], *turn[:3]])
+    else:
+        R = description.rotation_rpy(
+            list(map(math.radians, turn)) if pose.get("degrees") in TRUE else turn
+        )
+    return replace(at_origin(), position=description.vector((x, y, z)), rotation=R)
 
 
 def origin_of(element: ET.Element, field: str) -> tuple[Mat3, Vec3]:

@@ -54,9 +54,13 @@ def load_vehicle(name_or_path: PathLike) -> Vehicle:
     return load_with_bodies(name_or_path)[0]
 
 
-def load_with_bodies(name_or_path: PathLike) -> tuple[Vehicle, RigidBodies | None]:
+def load_with_bodies(
+    name_or_path: PathLike, collisions: str = "none"
+) -> tuple[Vehicle, RigidBodies | None]:
     """Vehicle as of :func:`load_vehicle`, and the bodies of its file if that is one of
     another program.
+
+    ``collisions`` is the word of ``import_collisions`` for such a file.
     """
     with errors_as(VehicleError):
         text = file_name(name_or_path, "vehicle")
@@ -65,7 +69,7 @@ def load_with_bodies(name_or_path: PathLike) -> tuple[Vehicle, RigidBodies | Non
         return _library_vehicle(text), None
     if is_robot(text):
         with naming_file(text):
-            return _plain_vehicle(robot_file(text))
+            return _plain_vehicle(robot_file(text), collisions)
     # rotors without bodies get a message of their own, so the file is opened
     if path.suffix in ROTORS_ALONE and path.is_file():
         with naming_file(text):
@@ -96,7 +100,7 @@ def load_with_bodies(name_or_path: PathLike) -> tuple[Vehicle, RigidBodies | Non
         )
     with naming_file(text):
         return (
-            _plain_vehicle(path)
+            _plain_vehicle(path, collisions)
             if path.suffix in RIGID
             else (_from_toml(path.read_bytes(), path), None)
         )
@@ -188,14 +192,14 @@ def read_rigid(
     return read_mjcf(path, mimic, base)
 
 
-def _plain_vehicle(path: Path) -> tuple[Vehicle, RigidBodies]:
+def _plain_vehicle(path: Path, collisions: str) -> tuple[Vehicle, RigidBodies]:
     """Vehicle of a URDF, SDF or MJCF file alone, with the rotors that it states whole,
     and the file's bodies.
     """
     from skyarm.vehicle.urdf import urdf_vehicle
 
     bodies = read_rigid(path, "lock")
-    return urdf_vehicle(bodies), bodies
+    return urdf_vehicle(bodies, collisions), bodies
 
 
 def _read(

@@ -14,7 +14,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import field, replace
 from typing import Annotated, Any, Literal
 
-from skyarm.algebra import ZERO3, Mat3, Scalar, Vec3
+from skyarm.algebra import ZERO3, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add, mul, neg
 from skyarm.records.coerce import (
     concrete,
@@ -24,11 +24,12 @@ from skyarm.records.coerce import (
     proper_rotation,
     unit_vector,
     vector,
+    word_of,
 )
 from skyarm.records.content import keep_content
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import must_be_one_of
-from skyarm.records.immutable import UNWRITTEN, field_if_any, immutable
+from skyarm.records.immutable import UNWRITTEN, derived_field, field_if_any, immutable
 from skyarm.records.leaves import Place, field_names
 from skyarm.records.notebook import notebook_html
 from skyarm.records.path_names import Names, NumberView
@@ -44,6 +45,7 @@ from skyarm.vehicle.check import (
     refuse,
     unique,
 )
+from skyarm.vehicle.convex_hull import COLLISION_SIZES, Triangles, complete_shape
 from skyarm.vehicle.linkage import BASE, Body, Follower, Joint, Link
 from skyarm.vehicle.mobility import what_does_not_move
 from skyarm.vehicle.thrust_table import ThrustTable
@@ -240,8 +242,8 @@ class Frame:
     ] = Mat3.identity()
 
     def __post_init__(self) -> None:
-        # a look reads its fields by the same rules, but its errors name a picture
-        accept_named(self, "frame" if type(self) is Frame else "look")
+        # a look or shape reads its fields by the same rules; its errors name its kind
+        accept_named(self, type(self).__name__.lower())
 
 
 @immutable
@@ -258,6 +260,37 @@ class Look(Frame):
         Vec3,
         Unit("m", "length of one unit of the mesh file, along each axis", rule=vector),
     ] = Vec3(1.0, 1.0, 1.0)
+
+
+FEWEST_CORNERS = 4
+"""Least number of corners of a convex body."""
+
+
+@immutable
+class Collision(Frame):
+    """Shape of a body of the vehicle that touches what is in its way, with its pose;
+    without mass.
+
+    Attributes:
+        name: name in messages and logs.
+        shape: one of ``COLLISION_SIZES``. size: its lengths, m; none of a hull.
+        vertices: corners of a hull, m, axes of the shape; its faces are those of the
+            smallest convex body around them. faces: its triangles as numbers of
+            vertices, found if left out.
+    """
+
+    shape: Annotated[
+        str, Unit("", "shape of a collision", rule=word_of(COLLISION_SIZES))
+    ]
+    size: Annotated[
+        Scalars, positive("m", "lengths of the shape, edges of a box in full")
+    ] = ()
+    vertices: tuple[Vec3, ...] = field_if_any(default=())
+    faces: Triangles = derived_field()
+
+    def __post_init__(self) -> None:
+        accept_named(self, "collision")
+        complete_shape(f"collisions[{self.name}]", self, VehicleError)
 
 
 @immutable
@@ -319,6 +352,7 @@ class Vehicle:
         drives: drives of the joints whose setpoint is not the torque.
         battery: battery of the rotors; None for a supply that never sags.
         looks: meshes for pictures, of links whose file names some.
+        collisions: shapes of its bodies that touch surfaces, objects and vehicles.
         sources: (field, source) pairs: where each number comes from.
         notes: elements that the reader of its file left out or read in another way, a
             line each.
@@ -336,6 +370,7 @@ class Vehicle:
     battery: Battery | None = field_if_any(default=None)
     followers: tuple[Follower, ...] = field_if_any(default=())
     looks: tuple[Look, ...] = field_if_any(default=(), repr=False)
+    collisions: tuple[Collision, ...] = field_if_any(default=())
     title: str = field(default="", repr=False)
     sources: Annotated[
         tuple[tuple[str, str], ...],
@@ -585,10 +620,12 @@ def _require_whole(value: Vehicle) -> None:
     for each in value.rotors:
         if each.tilt is not None:
             each.tilt.require(f"rotors[{each.name}].tilt", each.axis)
-    for frame in value.frames:
+    unique("collisions.name", [each.name for each in value.collisions])
+    for frame in (*value.frames, *value.collisions):
         if not -1 <= frame.link < len(value.moving):
+            kind = "frames" if type(frame) is Frame else "collisions"
             refuse(
-                f"frames[{frame.name}].link",
+                f"{kind}[{frame.name}].link",
                 frame.link,
                 f"must be -1 (base) ... {len(value.moving) - 1}",
             )

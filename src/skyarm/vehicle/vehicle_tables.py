@@ -10,10 +10,17 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
 
+import numpy as np
+
 from skyarm.algebra import Mat3, Vec3
+from skyarm.records import coerce
+from skyarm.records.arrays import Array
 from skyarm.records.coerce import concrete
-from skyarm.records.files import Fields, errors_as, must_be_one_of
+from skyarm.records.files import Fields, errors_as, must_be_one_of, shown
+from skyarm.records.files.fields import three_numbers
+from skyarm.records.files.mesh_vertices import read_vertices
 from skyarm.records.files.names import unreadable
+from skyarm.records.files.stl_mesh import METRES
 from skyarm.records.read_table import (
     make_at,
     numbers_from,
@@ -36,13 +43,29 @@ from skyarm.vehicle.attach import (
 from skyarm.vehicle.attach import limits_that_contradict as contradicting_limits
 from skyarm.vehicle.battery import Battery
 from skyarm.vehicle.check import TURN, VehicleError, refuse
+from skyarm.vehicle.convex_hull import COLLISION_SIZES
 from skyarm.vehicle.held_joints import hold_joints
+from skyarm.vehicle.imported_shapes import (
+    IMPORTS,
+    MOST_CORNERS,
+    MOST_VERTICES,
+    collision_of,
+    import_shapes,
+)
 from skyarm.vehicle.inertia_repair import with_real_inertias
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.rotor_tables import mount_rotors, read_rotor_tables, without_rotors
 from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
 from skyarm.vehicle.stops import with_smooth_friction, with_stops
-from skyarm.vehicle.vehicle_records import BodyDrag, Frame, Look, MountedDrive, Vehicle
+from skyarm.vehicle.vehicle_records import (
+    FEWEST_CORNERS,
+    BodyDrag,
+    Collision,
+    Frame,
+    Look,
+    MountedDrive,
+    Vehicle,
+)
 
 OTHERS = {
     "urdf": (".urdf", ".xacro"),
@@ -137,12 +160,20 @@ def vehicle_from(
     bodies, rotors = with_real_inertias(flying.bodies, every=every), flying.rotors
     if _source(top):
         bodies.require_airframe()
-    frames = tuple(_frame(fields, bodies) for fields in top.tables("frames"))
+    how, notes = top.choice("import_collisions", IMPORTS, "none"), Notes()
+    posed = (
+        *(_frame(fields, bodies) for fields in top.tables("frames")),
+        *import_shapes(bodies, how, notes),
+        *(
+            _collision(fields, bodies, folder, notes)
+            for fields in top.tables("collisions")
+        ),
+    )
     links, followers, fixed = couple(
         # followers leave the list of links, so the indices of frames and looks change
         # with it
         bodies.links,
-        (*bodies.frames, *frames, *bodies.looks),
+        (*bodies.frames, *bodies.looks, *posed),
         bodies.mimics,
     )
     stated = mounted_drives(top.inner("drives").table, "drives", bodies.speeds)
@@ -167,8 +198,9 @@ def vehicle_from(
         links=_with_limits_of_drives(links, drives, stating("effort_limit")),
         followers=followers,
         rotors=(*airframe.rotors, *rotors) if airframe else rotors,
-        frames=tuple(each for each in fixed if not isinstance(each, Look)),
-        looks=tuple(each for each in fixed if isinstance(each, Look)),
+        frames=tuple(each for each in fixed if type(each) is Frame),
+        looks=tuple(each for each in fixed if type(each) is Look),
+        collisions=tuple(each for each in fixed if type(each) is Collision),
         end_effector=top.text("end_effector", "")
         or (airframe.end_effector if airframe else ""),
         drag=_optional(
@@ -189,6 +221,7 @@ def vehicle_from(
             *flying.notes,
             *unmounted,
             *contradicting_limits(links, followers),
+            *notes.lines(),
         ),
     )
     limits = top.choice("joint_limits", ("stop", "end"), "stop")
@@ -433,6 +466,47 @@ def _frame(fields: Fields, bodies: RigidBodies) -> Frame:
     at = place_in(bodies, fields.text("link", "base"), fields.at("link"))
     fields.done()
     return posed_in(at, R, p, name)
+
+
+def _collision(
+    fields: Fields, bodies: RigidBodies, folder: Path, notes: Notes
+) -> Collision:
+    """Read a shape that touches, relative to the body that carries the named link; the
+    path of a mesh starts at a folder.
+    """
+    (R, p), name = _pose(fields), fields.text("name")
+    at = place_in(bodies, fields.text("link", "base"), fields.at("link"))
+    shape = fields.choice("shape", tuple(COLLISION_SIZES))
+    path, stated = fields.text("mesh", ""), fields.take("vertices", ())
+    if (shape == "hull") != bool(path) ^ bool(stated):
+        why = "must be a hull, if it has vertices or mesh, and then have one of them"
+        refuse(fields.at("shape"), shape, why)
+    label, scale, most = "", METRES, float(MOST_CORNERS)
+    size: Sequence[float] | Array = ()
+    if path:
+        label = f"{fields.at('mesh')} = {shown(path)}: "
+        most = fields.number("most_vertices", MOST_VERTICES, low=FEWEST_CORNERS)
+        if most > MOST_CORNERS:
+            allowed = f"must be at most {MOST_CORNERS}"
+            refuse(fields.at("most_vertices"), most, allowed)
+        scale = fields.vector("scale", METRES)
+    elif stated:
+        where, allowed = fields.at("vertices"), f"must be 4 to {MOST_CORNERS} points"
+        corners = coerce.items(where, stated, None, allowed)
+        if not FEWEST_CORNERS <= len(corners) <= MOST_CORNERS:
+            refuse(where, len(corners), f"{allowed}; a mesh may have more")
+        label = f"{where}: "
+        size = np.array(
+            [three_numbers(each, f"{where}[{i}]") for i, each in enumerate(corners)]
+        )
+    else:
+        size = fields.numbers("size")
+    with errors_as(VehicleError, label):
+        if path:
+            size = read_vertices(folder / path, scale)
+        made = collision_of(name, shape, posed_in(at, R, p), size, notes, most)
+    fields.done()
+    return made
 
 
 def _attach(

@@ -85,6 +85,11 @@ def vehicle_text(
         lines += _section(
             "[[frames]]", _frame(frame, names), f"frames.{frame.name}", notes
         )
+    for each in vehicle.collisions:
+        table = _frame(each, names)
+        if table.pop("faces", None):
+            table["vertices"] = [list(map(float, corner)) for corner in each.vertices]
+        lines += _section("[[collisions]]", table, f"collisions.{each.name}", notes)
     lines += rotor_lines(vehicle.rotors, notes)
     if any(map(float, vehicle.drag.area)) or "drag.area" in notes:
         lines += _section(
