@@ -13,7 +13,7 @@ from skyarm.studies.assess.along_reference import BLOW, CLEARANCES
 from skyarm.studies.assess.assessment import LAW, MESHES, PARTS, PLAN, QUESTION, REFUSED
 from skyarm.studies.assess.endurance import SHORTEST
 from skyarm.studies.assess.finding import UNITS
-from skyarm.studies.assess.joints import OFTEN
+from skyarm.studies.assess.joints import OFTEN, OWN
 from skyarm.studies.assess.layout import (
     DISC_LOADING,
     MOMENT_ARMS,
@@ -238,6 +238,17 @@ CHECKS: tuple[Check, ...] = (
         "",
         "",
         "none",
+    ),
+    Check(
+        VEHICLE,
+        "arm",
+        OWN,
+        "ok, note",
+        "least distance of two shapes of `[[collisions]]` in any arm pose, and the"
+        " pose; a note where they overlap",
+        "",
+        "",
+        "narrower joint limits",
     ),
     Check(
         VEHICLE,

@@ -497,6 +497,10 @@ def by_array(
     return groups
 
 
+COLLISIONS = ("collision_force", "collision_place")
+"""Log arrays of pairs of bodies, which are of the world and of no single vehicle."""
+
+
 def columns_of_agent(
     components: Sequence[Component[Tree]], agent: str
 ) -> dict[str, list[bool]]:

@@ -17,11 +17,7 @@ from skyarm.algebra import ZERO3, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import divide
 from skyarm.records.immutable import immutable
 from skyarm.world.component import Column, Memory, moved_by
-from skyarm.world.contact.surface import Surface
-
-Spot = tuple[Vec3, Scalar]
-"""Contact ball of a movable body: middle (m, world axes) and radius (m; an int of 0 is
-a point)."""
+from skyarm.world.contact.surface import Spot, Surface
 
 
 @immutable

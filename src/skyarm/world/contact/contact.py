@@ -10,7 +10,7 @@ control period.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from itertools import product, repeat
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
@@ -21,11 +21,11 @@ from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError, concrete, fold_zeros
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import errors_as, must_be_one_of, shown
-from skyarm.records.immutable import field_if_any, immutable
+from skyarm.records.immutable import UNWRITTEN, derived_field, field_if_any, immutable
 from skyarm.records.leaves import as_data, rebuild
 from skyarm.records.units import Unit, nonnegative
 from skyarm.vehicle import Vehicle, VehicleError
-from skyarm.world.component import MOST_STEPS, Column, Wrench, moved_by
+from skyarm.world.component import COLLISIONS, MOST_STEPS, Column, Wrench, moved_by
 from skyarm.world.contact.carrier import NOBODY
 from skyarm.world.contact.contact_memory import ContactMemory
 from skyarm.world.contact.contact_point import ContactPoint, wrenches_on
@@ -33,10 +33,12 @@ from skyarm.world.contact.contact_steps import ContactSteps
 from skyarm.world.contact.free_object import FreeObject
 from skyarm.world.contact.grasp import Grasp
 from skyarm.world.contact.gripper import Gripper
+from skyarm.world.contact.material import RECOVERY, Material
 from skyarm.world.contact.mechanism import Mechanism
 from skyarm.world.contact.meetings import Meeting
 from skyarm.world.contact.standing_bristles import standing_bristles
 from skyarm.world.contact.surface import Surface
+from skyarm.world.contact.vehicle_bodies import BodyTouch, VehicleBody, bodies_of
 
 if TYPE_CHECKING:
     from skyarm.world.scene.scene import Instants, Scene
@@ -45,7 +47,7 @@ FARTHEST = 0.05
 """Largest distance (m) between a vehicle's frame and the place of its grasp, beyond a
 cable's length, at the start."""
 
-P = TypeVar("P", ContactPoint, Gripper, Grasp)
+P = TypeVar("P", ContactPoint, Gripper, Grasp, VehicleBody)
 
 STRAIGHT = Mat3(Vec3(1.0, 0.0, 0.0), Vec3(0.0, 1.0, 0.0), Vec3(0.0, 0.0, 1.0))
 """Rotation by no angle, whose entries may vary."""
@@ -60,6 +62,9 @@ LOGGED = (
 )
 """Logged quantities of a surface and a contact point: array, unit, meaning."""
 
+COLLISION_PLACE = "mean place of the force between two bodies, world axes; 0 without"
+"""Meaning of a logged array of pairs of bodies."""
+
 MUCH_SHORTER = 2.0
 """Ratio of the vehicle's longest stable step to that of the contact above which a
 warning is issued."""
@@ -67,10 +72,14 @@ warning is issued."""
 
 @immutable
 class Contact(ContactSteps):
-    """Contact model: surfaces, movable bodies, grippers and the points of the vehicle
-    that may touch them.
+    """Contact model: surfaces, movable bodies, grippers, and the points and shapes of
+    the vehicle that may touch them.
 
     Attributes:
+        ignore: pairs that do not touch, named as in logs: "base/ground". A body of a
+            vehicle is "base" or its link, of several vehicles behind the vehicle's name
+            and a dot.
+        vehicle_bodies: bodies of the vehicles that have shapes; :meth:`on` finds them.
         points: contact points of the vehicle; left out for its tip.
         objects: bodies that nothing holds. mechanisms: bodies with one degree of
             freedom.
@@ -90,6 +99,17 @@ class Contact(ContactSteps):
     mechanisms: tuple[Mechanism, ...] = ()
     grippers: tuple[Gripper, ...] = ()
     grasps: tuple[Grasp, ...] = field_if_any(default=())
+    self_collision: Annotated[
+        bool,
+        Unit("", "whether shapes of one vehicle touch each other, but of neighbours"),
+    ] = field(default=False, metadata={UNWRITTEN: False})
+    ignore: Annotated[
+        tuple[str, ...], Unit("", 'pairs that do not touch, such as "base/ground"')
+    ] = field_if_any(default=())
+    vehicle_material: Annotated[
+        Material, Unit("", "material of the vehicles' shapes against each other")
+    ] = field(default=Material(), metadata={UNWRITTEN: Material()})
+    vehicle_bodies: tuple[VehicleBody, ...] = derived_field()
     rotor_radius: Annotated[
         Scalar,
         nonnegative(
@@ -144,18 +164,21 @@ class Contact(ContactSteps):
                 )
 
     def on(self, vehicles: Mapping[str, Vehicle]) -> Contact:
-        """Contact model in which the tips of the vehicles are the contact points if no
-        contact point was given.
+        """Contact model with the bodies of the vehicles that have shapes.
 
-        The tip of a vehicle that holds a body by a grasp is none: it is where the body
-        is.
+        The tips of the vehicles are the contact points if no contact point was given.
+        The tip of a vehicle that has shapes is none, nor of one that holds a body by a
+        grasp: it is where the body is.
         """
+        bodies = bodies_of(vehicles, (*self.grippers, *self.grasps))
+        if bodies != self.vehicle_bodies:
+            return replace(self, vehicle_bodies=bodies).on(vehicles)
         # an empty name is that of the only vehicle
         holding = [each.agent or next(iter(vehicles)) for each in self.grasps]
         tips = {
             name: each.end_effector
             for name, each in vehicles.items()
-            if name not in holding and each.end_effector
+            if name not in holding and each.end_effector and not each.collisions
         }
         # stated points take the place of the tips
         if self.points or not tips:
@@ -182,6 +205,7 @@ class Contact(ContactSteps):
             points=own(self.points),
             grippers=own(self.grippers),
             grasps=own(self.grasps),
+            vehicle_bodies=own(self.vehicle_bodies),
         )
 
     def touching(self, vehicle: Vehicle) -> set[int]:
@@ -190,6 +214,7 @@ class Contact(ContactSteps):
         """
         holders: tuple[Gripper | Grasp, ...] = (*self.grippers, *self.grasps)
         links = {vehicle.frame(each.frame or None).link for each in holders}
+        links |= {each.body for each in self.vehicle_bodies}
         return links | {point.place(vehicle)[1] for point in self.points}
 
     def require_vehicle(self, vehicle: Vehicle, period: float, gravity: Scalar) -> None:
@@ -218,11 +243,13 @@ class Contact(ContactSteps):
                 )
             with errors_as(RecordError, f"world.grasps[{i}]."):
                 bodies[grasp.body].require_near(grasp.place)
-        if not self.surfaces and not carriers:
+        pairs = self.body_pairs
+        self._require_ignored()
+        if not self.surfaces and not carriers and not pairs:
             raise RecordError(
                 "world.surfaces: is missing; a world has at least one surface"
             )
-        if not self.points and not carriers:
+        if not self.points and not carriers and not pairs:
             name = next(iter(vehicles.values())).name
             raise RecordError(f"world.points: is missing; vehicle {name!r} has no tip")
         for i, point in enumerate(self.points):
@@ -253,6 +280,15 @@ class Contact(ContactSteps):
                 "world.grippers: must be left out of a world without objects"
             )
         self.require_steps(period / MOST_STEPS)
+
+    def _require_ignored(self) -> None:
+        """Refuse to ignore a pair that there is not."""
+        for i, name in enumerate(self.ignore):
+            names = [each.name for each in replace(self, ignore=()).body_pairs]
+            if name not in names:
+                raise RecordError(
+                    f"world.ignore[{i}] = {shown(name)}: {must_be_one_of(names, name)}"
+                )
 
     def require_within_reach(self, motion: PointMotion) -> None:
         """Refuse a grasp whose frame is too far from its place on the body at the
@@ -285,7 +321,7 @@ class Contact(ContactSteps):
         return ContactMemory(
             finer=(1.0,) if self.hit_steps > 1 else (),
             clock=(0.0,) if any(surface.moves for surface in self.surfaces) else (),
-            bristles=tuple(ZERO3_DATA for _ in range(self.meeting_count)),
+            bristles=tuple(ZERO3_DATA for _ in range(self.bristle_count)),
             carried=tuple(carrier.start() for carrier in self.carriers),
             grips=tuple(gripper.start() for gripper in self.grippers),
             turns=(STRAIGHT,) * sum(each.kind == "fixed" for each in self.grasps),
@@ -318,6 +354,7 @@ class Contact(ContactSteps):
         the body's origin.
         """
         loads = []
+        pushes = self._loads(memory, motion, "carrier", len(self.carriers))
         rows = zip(
             self.carriers,
             memory.carried,
@@ -332,6 +369,7 @@ class Contact(ContactSteps):
                     push = each.touch.force if each.by == i else -each.touch.force
                     force = force + push
                     torque = torque + (each.place - origin).cross(push)
+            force, torque = force + pushes[i][0], torque + pushes[i][1]
             loads.append((force + held[0], torque + held[1]))
         return loads
 
@@ -350,11 +388,22 @@ class Contact(ContactSteps):
             self.on_carriers(memory, motion, meetings, t),
             strict=True,
         )
+        rest = memory.bristles[len(meetings) :]
         return replace(
             # grippers and grasps change at control instants only
             rebuild(memory, repeat(0.0)),
             clock=tuple(1.0 for _ in memory.clock),
-            bristles=as_data(tuple(each.touch.bristle_rate for each in meetings)),
+            bristles=as_data(
+                (
+                    *(each.touch.bristle_rate for each in meetings),
+                    *self.with_touches(
+                        memory,
+                        motion,
+                        lambda every: tuple(each.bristle_rate for each in every),
+                        tuple(each * -RECOVERY for each in rest),
+                    ),
+                )
+            ),
             carried=tuple(
                 carrier.slope(body, *push, motion.gravity)
                 for carrier, body, push in rows
@@ -435,6 +484,7 @@ class Contact(ContactSteps):
         rotor_speeds: Sequence[Scalar],
     ) -> Sequence[Wrench]:
         """Forces and torques of all contacts and grasps on the vehicle's bodies."""
+        loads = self._loads(memory, motion, "body", len(self.vehicle_bodies))
         touches = self.on_points(memory, motion)
         pushes = []
         for i in range(len(self.points)):
@@ -445,8 +495,44 @@ class Contact(ContactSteps):
             pushes.append((force, torque))
         return [
             *wrenches_on(self.points, motion, pushes),
+            *(
+                Wrench(force_W=force, torque_W=torque, body=each.body, agent=each.agent)
+                for each, (force, torque) in zip(
+                    self.vehicle_bodies, loads, strict=True
+                )
+            ),
             *self.gripping.wrenches(memory, motion, t),
         ]
+
+    def _loads(
+        self, memory: ContactMemory, motion: PointMotion, kind: str, count: int
+    ) -> tuple[tuple[Vec3, Vec3], ...]:
+        """Force (N) and torque (N m, about its origin) that touches of vehicles' bodies
+        exert on each of some bodies.
+
+        Args:
+            memory: internal state.
+            motion: of all vehicles.
+            kind: "carrier" for movable bodies or "body" for those of vehicles.
+            count: number of them.
+        """
+        pairs = self.body_pairs
+        none = ((ZERO3, ZERO3),) * count
+        if not any(kind in ("body", each.other) for each in pairs):
+            return none
+
+        def add_up(touches: Sequence[BodyTouch]) -> tuple[tuple[Vec3, Vec3], ...]:
+            loads = [*none]
+            for pair, touch in zip(pairs, touches, strict=True):
+                if kind == "body":
+                    force, torque = loads[pair.body]
+                    loads[pair.body] = force + touch.force, torque + touch.torque
+                if kind == pair.other:
+                    force, torque = loads[pair.index]
+                    loads[pair.index] = force - touch.force, torque + touch.back
+            return as_data(tuple(loads))
+
+        return self.with_touches(memory, motion, add_up, as_data(none))
 
     def settle(
         self, memory: ContactMemory, motion: PointMotion, vehicle: bool
@@ -471,10 +557,10 @@ class Contact(ContactSteps):
             return memory
         materials = {each.name: each.material for _, each in self.every_surface}
         meetings = self.meetings(memory, motion)
-        return replace(
-            memory,
-            bristles=standing_bristles(meetings, memory.bristles, weights, materials),
+        bristles = standing_bristles(
+            meetings, memory.bristles[: len(meetings)], weights, materials
         )
+        return replace(memory, bristles=(*bristles, *memory.bristles[len(meetings) :]))
 
     def act(
         self, memory: ContactMemory, t: Scalar, dt: float, motion: PointMotion
@@ -496,6 +582,13 @@ class Contact(ContactSteps):
         ]
         return tuple(where(grip.taken > 0.5, 1.0, 0.0) for grip in ours)
 
+    def columns_of(self, agent: str) -> Sequence[Column]:
+        """Log columns of one vehicle's points, and of all pairs of bodies."""
+        own = self.of_agent(agent).columns
+        return [
+            each for each in self.columns if each in own or each.array in COLLISIONS
+        ]
+
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
         """Log columns of contact forces, movable bodies and grippers."""
@@ -510,6 +603,14 @@ class Contact(ContactSteps):
             for array, unit, meaning in LOGGED
         ]
         columns += [column for carrier in self.carriers for column in carrier.columns]
+        for pair in self.body_pairs:
+            columns.append(
+                Column("collision_force", pair.name, "N", "normal force of two bodies")
+            )
+            columns += [
+                Column("collision_place", f"{pair.name}/{axis}", "m", COLLISION_PLACE)
+                for axis in "xyz"
+            ]
         return (*columns, *self.gripping.columns)
 
     @property
@@ -528,6 +629,15 @@ class Contact(ContactSteps):
         ]
         for carrier, body in zip(self.carriers, memory.carried, strict=True):
             numbers += carrier.logged(body)
+        nothing: tuple[Scalar, ...] = (0.0,) * (4 * len(self.body_pairs))
+        numbers += self.with_touches(
+            memory,
+            motion,
+            lambda every: tuple(
+                number for each in every for number in (each.normal, *each.place)
+            ),
+            nothing,
+        )
         return (*numbers, *self.gripping.logged(memory, motion))
 
     def shapes(self, seen: Instants) -> Scene:

@@ -28,6 +28,9 @@ class ContactMemory:
         places: places on their bodies at which grasps with ``close`` have closed, m.
         constraints: force and torque on the body of each grasp that the plant closes;
             empty where grasps are springs.
+        touches: logged numbers of each contact whose force the plant finds: normal
+            force, friction (N) and penetration (m) of points, normal force and place
+            (m) of bodies; else empty.
     """
 
     finer: Scalars
@@ -38,3 +41,4 @@ class ContactMemory:
     turns: tuple[Mat3, ...] = ()
     places: tuple[Vec3, ...] = ()
     constraints: tuple[Force, ...] = ()
+    touches: tuple[Scalars, ...] = ()

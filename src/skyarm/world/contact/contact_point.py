@@ -262,7 +262,7 @@ def _by_agent(points: Sequence[ContactPoint]) -> list[tuple[str, list[int]]]:
 def _moving_points(points: Sequence[ContactPoint], motion: PointMotion) -> list[Moving]:
     """Position, velocity and angular velocity of the contact points of one vehicle."""
     places, shared = _places(points, motion)
-    axes = {body: _axes(motion, body) for body in shared}
+    axes = {body: body_axes(motion, body) for body in shared}
     rows = list[Moving]()
     for point, (at, body) in zip(points, places, strict=True):
         ball = not absent(point.radius)
@@ -312,7 +312,7 @@ def _wrenches_on(
     of its contact points.
     """
     places, shared = _places(points, motion)
-    axes = {body: _axes(motion, body) for body in shared}
+    axes = {body: body_axes(motion, body) for body in shared}
     whole = dict[int, Wrench]()
     single = list[Wrench]()
     for (at, body), (force, torque) in zip(places, pushes, strict=True):
@@ -343,7 +343,7 @@ def _places(
     ]
 
 
-def _axes(motion: PointMotion, body: int) -> Mat3:
+def body_axes(motion: PointMotion, body: int) -> Mat3:
     """Rotation matrix from the axes of a body to world axes."""
     if body == BASE:
         return motion.rotation

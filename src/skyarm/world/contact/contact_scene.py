@@ -29,6 +29,7 @@ from skyarm.world.scene.shapes import (
     Solid,
     floats,
     shape_between,
+    solid_shape,
 )
 from skyarm.world.scene.vehicle_shapes import (
     Poses,
@@ -113,18 +114,10 @@ def surface_shape(surface: Surface, patch: float = PATCH) -> Shape:
     """Drawn shape of a contact surface in its own axes; a plane becomes a square of
     half width ``patch`` (m).
     """
-    size = tuple(map(float, surface.size))
+    name = f"world/{surface.name}"
     if surface.shape == "plane":
-        return Shape(f"world/{surface.name}", "surface", "patch", BASE, (patch, patch))
-    halves = tuple(0.5 * each for each in size) if surface.shape == "box" else size
-    return Shape(
-        f"world/{surface.name}",
-        "surface",
-        surface.shape,
-        BASE,
-        halves,
-        mesh=surface.mesh,
-    )
+        return Shape(name, "surface", "patch", BASE, (patch, patch))
+    return replace(solid_shape(surface, name, "surface", BASE), mesh=surface.mesh)
 
 
 def _carrier_poses(

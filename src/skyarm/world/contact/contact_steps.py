@@ -9,7 +9,16 @@ from dataclasses import replace
 from functools import reduce
 
 from skyarm.algebra import Scalar
-from skyarm.algebra.scalars import clip, exp, logical_and, maximum, minimum, sqrt, where
+from skyarm.algebra.scalars import (
+    absolute,
+    clip,
+    exp,
+    logical_and,
+    maximum,
+    minimum,
+    sqrt,
+    where,
+)
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.leaves import leaves
@@ -19,8 +28,9 @@ from skyarm.world.contact.grasp import Grasp
 from skyarm.world.contact.gripper import Gripper
 from skyarm.world.contact.holds import Holds
 from skyarm.world.contact.material import LIGHTEST, RECOVERY
-from skyarm.world.contact.meetings import TouchingBodies, misses
+from skyarm.world.contact.meetings import TouchingBodies, misses, too_far
 from skyarm.world.contact.surface import Surface
+from skyarm.world.contact.vehicle_bodies import BodyTouch
 
 HIT = 1.2
 """Impact speed (m/s) above which steps are finest; slower impacts use proportionally
@@ -65,7 +75,8 @@ class ContactSteps(TouchingBodies):
         """
         carriers = self.carriers
         # without points the vehicle touches nothing, so only movable bodies count
-        touched = self.surfaces if self.points or not carriers else ()
+        bodies = bool(self.points or self.vehicle_bodies)
+        touched = self.surfaces if bodies or not carriers else ()
         own = [
             (f"the material of surface {each.name!r}", each.material.largest_step)
             for each in touched
@@ -77,7 +88,12 @@ class ContactSteps(TouchingBodies):
         ]
         return (
             *own,
-            *steps_of_carriers(carriers, self.surfaces, points=bool(self.points)),
+            *steps_of_carriers(carriers, self.surfaces, points=bodies),
+            *(
+                [("world.vehicle_material", self.vehicle_material.largest_step)]
+                if any(each.other == "body" for each in self.body_pairs)
+                else []
+            ),
             *self.gripping.steps(),
             *inner,
         )
@@ -202,8 +218,26 @@ class ContactSteps(TouchingBodies):
         apart = [
             *also,
             *(misses(each.touch, seconds) for each in self.meetings(memory, motion)),
+            self._fastest_near(memory, motion, seconds) < 0.0,
         ]
         return reduce(logical_and, apart) if apart else True
+
+    def _fastest_near(
+        self, memory: ContactMemory, motion: PointMotion, seconds: Scalar
+    ) -> Scalar:
+        """Largest speed (m/s) of two bodies that may touch within ``seconds``; negative
+        where none do.
+        """
+
+        def fastest(touches: Sequence[BodyTouch]) -> Scalar:
+            speeds = [
+                where(too_far(each.depth, each.speed, seconds), -1.0, each.speed)
+                for each in touches
+            ]
+            return reduce(maximum, speeds)
+
+        nothing: Scalar = -1.0
+        return self.with_touches(memory, motion, fastest, nothing, seconds)
 
     @property
     def most_hit_steps(self) -> int:  # type: ignore[override]
@@ -227,6 +261,8 @@ class ContactSteps(TouchingBodies):
             fastest = maximum(
                 fastest, where(misses(each.touch, seconds), 0.0, slip.dot(slip))
             )
+        rush = self._fastest_near(memory, motion, seconds)
+        fastest = maximum(fastest, rush * absolute(rush))
         asked = sqrt(fastest) * (self.hit_steps / HIT)
         finer = clip(
             # grown again slowly: a sudden change of the step itself changes the energy

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import field, replace
 from functools import reduce
-from itertools import product
 from typing import Annotated
 
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Quaternion, Scalar, Scalars, Vec3
@@ -28,20 +27,22 @@ from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
-from skyarm.records.immutable import field_if_any, immutable
+from skyarm.records.immutable import derived_field, field_if_any, immutable
 from skyarm.records.leaves import as_data
 from skyarm.records.units import Unit, nonnegative, positive
+from skyarm.vehicle.convex_hull import Triangles, complete_shape
 from skyarm.world.component import Column
-from skyarm.world.contact.carrier import CarriedFrame, Carrier, Spot
+from skyarm.world.contact.carrier import CarriedFrame, Carrier
 from skyarm.world.contact.material import Material
-from skyarm.world.contact.surface import SHAPES, Surface, require_size
+from skyarm.world.contact.shape_pairs import PlacedShape, down_of, spot_count, spots_of
+from skyarm.world.contact.surface import Corners, Spot, Surface
 
-SOLIDS = tuple(shape for shape in SHAPES if shape not in ("plane", "hole"))
-"""Shapes of free objects: bounded and without a hollow."""
+SOLIDS = ("box", "cylinder", "sphere", "capsule", "hull")
+"""Shapes of free objects."""
 
-RIM = ((1.0, 0.0), (-0.5, 0.75**0.5), (-0.5, -(0.75**0.5)))
-"""Cosines and sines of three contact positions on a cylinder's rim, starting at its
-deepest one."""
+CARRYING = 4.0
+"""Number of contacts at which a capsule or hull is taken to rest, at the corners
+farthest from its centre of mass."""
 
 STEP_SHARE = 0.7
 """Step as a fraction of the material's longest one. A rotating body leaves a surface at
@@ -59,10 +60,6 @@ LOGGED = (
     ("rate", "xyz", "rad/s", "angular velocity, its own axes,"),
 )
 """Logged arrays of an object: name, axes, unit, meaning."""
-
-_LEVEL = 1e-12
-"""Fraction of a fixed direction added to that of the rim's deepest position, which is
-undefined for an upright cylinder."""
 
 
 @immutable
@@ -92,7 +89,8 @@ class FreeObject(Carrier[ObjectMotion]):
         inertia: moments of inertia; left out for those of a body of uniform density.
         standing: whether it is set down on what is below it, at rest, when a file is
             read.
-        mesh: path of a mesh, as of a surface.
+        mesh: path of a mesh, as of a surface. vertices, faces: of a hull, as of a
+            surface; its inertia has to be stated.
     """
 
     name: Annotated[
@@ -142,11 +140,13 @@ class FreeObject(Carrier[ObjectMotion]):
     standing: bool = False
     material: Material = field(default_factory=Material)
     mesh: str = field_if_any(default="")
+    vertices: Corners = field_if_any(default=())
+    faces: Triangles = derived_field()
 
     def __post_init__(self) -> None:
         accept_fields(self, "object")
         coerce.fold_zeros(self, "com")
-        require_size("object.size", self.shape, self.size)
+        complete_shape("object", self, RecordError)
         self._require_moments()
         if self.standing and any(
             concrete(c) and c != 0.0 for c in (*self.velocity, *self.angular_velocity)
@@ -161,6 +161,8 @@ class FreeObject(Carrier[ObjectMotion]):
         moments = tuple(self.inertia)
         if not concrete(*moments):
             return
+        if self.shape == "hull" and not any(moments):
+            raise RecordError("object.inertia: is missing; a hull has no default")
         largest = max(moments)
         said = shown([float(each) for each in moments])
         if all(each == 0.0 for each in moments):
@@ -195,6 +197,8 @@ class FreeObject(Carrier[ObjectMotion]):
                 size=self.size,
                 material=self.material,
                 mesh=self.mesh,
+                vertices=self.vertices,
+                faces=self.faces,
             ),
         )
 
@@ -214,6 +218,9 @@ class FreeObject(Carrier[ObjectMotion]):
     @property
     def mobility(self) -> Scalar:
         """Largest inverse effective mass over all contacts of the object, 1/kg."""
+        if self.shape in ("capsule", "hull"):
+            reach = _reach(self.surfaces[0].farthest, self.com)
+            return CARRYING * (1.0 + divide(reach, self.gyration)) / self.mass
         return largest_mobility(
             self.shape, self.size, self.com, self.mass, self.moments
         )
@@ -267,6 +274,8 @@ class FreeObject(Carrier[ObjectMotion]):
         """
         if self.shape == "cylinder":
             return max(float(self.size[0]), 0.5 * float(self.size[1]))
+        if self.shape in ("capsule", "hull"):
+            return float(self.surfaces[0].farthest)
         return max(map(float, self.size)) * (0.5 if self.shape == "box" else 1.0)
 
     @property
@@ -353,7 +362,7 @@ class FreeObject(Carrier[ObjectMotion]):
         """Number of the object's contact points: corners of a box, rim points of a
         cylinder, one for a ball.
         """
-        return {"box": 8, "cylinder": 2 * len(RIM), "sphere": 1}[self.shape]
+        return spot_count(self.surfaces[0])
 
     def spots(
         self, frame: CarriedFrame, toward: Callable[[Vec3], Vec3]
@@ -361,26 +370,11 @@ class FreeObject(Carrier[ObjectMotion]):
         """Contact points of the free object with world surfaces: centre (m, world axes)
         and radius (m).
         """
-        if self.shape == "sphere":
-            return ((frame.position, self.size[0]),)
-        if self.shape == "box":
-            halves = [frame.rotation.column(i) * (0.5 * self.size[i]) for i in range(3)]
-            return tuple(
-                (frame.position + halves[0] * a + halves[1] * b + halves[2] * c, 0)
-                for a, b, c in product((-1, 1), repeat=3)
-            )
-        axis = frame.rotation.column(2)
-        normal = toward(frame.position)
-        # across the axis also by rounding, which a small tilt would enlarge
-        way = axis.cross(axis.cross(normal)) + frame.rotation.column(0) * _LEVEL
-        down = way * divide(self.size[0], sqrt(way.dot(way) + _LEVEL**3))
-        across = axis.cross(down)
-        half = axis * (0.5 * self.size[1])
-        return tuple(
-            (frame.position + half * end + down * cosine + across * sine, 0)
-            for end in (-1, 1)
-            for cosine, sine in RIM
-        )
+        own = PlacedShape(self.surfaces[0], frame.rotation, frame.position)
+        if self.shape != "cylinder":
+            return spots_of(own)
+        down = down_of(own, toward(frame.position))
+        return spots_of(own, (down, down))
 
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
@@ -405,12 +399,21 @@ class FreeObject(Carrier[ObjectMotion]):
 
 
 def uniform_moments(shape: str, size: Sequence[Scalar], mass: Scalar) -> Vec3:
-    """Principal moments of inertia of a uniform box, cylinder or sphere about its
-    centre, kg m^2.
+    """Principal moments of inertia of a uniform box, cylinder, capsule or sphere about
+    its centre, kg m^2.
     """
     if shape == "sphere":
         moment = 0.4 * mass * size[0] * size[0]
         return Vec3(moment, moment, moment)
+    if shape == "capsule":
+        radius, length = size
+        volume = length + 4.0 / 3.0 * radius
+        ends = uniform_moments("sphere", size, mass * (4.0 / 3.0 * radius) / volume)
+        middle = uniform_moments("cylinder", size, mass * length / volume)
+        # each end is half a ball, with its centre 3 / 8 of the radius beyond the middle
+        away = mass * (4.0 / 3.0 * radius) / volume
+        away = away * length * (0.25 * length + 0.375 * radius)
+        return ends + middle + Vec3(away, away, 0)
     if shape == "cylinder":
         radius, length = size
         across = mass * (radius * radius / 4.0 + length * length / 12.0)

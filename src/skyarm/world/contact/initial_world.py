@@ -5,12 +5,14 @@ surfaces.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.vehicle import Vehicle
 from skyarm.world.contact.carrier import NOBODY
 from skyarm.world.contact.contact import Contact
+from skyarm.world.contact.vehicle_bodies import touch_of_bodies
 
 MOST = 2.0
 """Largest weight of a contact point in the initial equilibrium; a body on one point
@@ -54,6 +56,33 @@ def require_start_outside(
                 f"world: {what} starts {float(each.touch.depth):.3g} m inside {inside},"
                 f" which would push it with {float(each.touch.normal):.3g} N: must"
                 f" start outside{way}"
+            )
+
+
+def require_bodies_apart(contact: Contact, motion: PointMotion) -> None:
+    """Refuse initial states in which shapes press with more than twice the weight of
+    the heavier of two bodies.
+
+    Raises:
+        ValueError: one line: both bodies, the depth, the force.
+    """
+    records = contact.body_records(contact.start(1.0, ()), motion)
+    vehicles = [motion.of(each.agent).vehicle for each in contact.vehicle_bodies]
+    others: dict[str, Sequence[object]] = {
+        "surface": contact.surfaces,
+        "carrier": contact.carriers,
+        "body": vehicles,
+    }
+    for pair, record in zip(contact.body_pairs, records, strict=True):
+        both = vehicles[pair.body], others[pair.other][pair.index]
+        mass = max(float(getattr(each, "mass", 0.0)) for each in both)
+        touch = touch_of_bodies(record)
+        normal, depth = float(touch.normal), float(touch.depth)
+        if normal > MOST * max(mass * float(motion.gravity), 1e-9):
+            raise ValueError(
+                f"world: {pair.name} start {depth:.3g} m inside each other, which would"
+                f" push them with {normal:.3g} N: must start apart, at rest by"
+                " initial.standing = true, or be a pair of world.ignore"
             )
 
 

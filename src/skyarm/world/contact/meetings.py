@@ -9,10 +9,13 @@ bristles in a memory: points by surface, spots by body and surface, edges.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import reduce
+from typing import TypeVar
 
-from skyarm.algebra import Scalar, Vec3
-from skyarm.algebra.scalars import maximum, neg, sqrt
+from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import logical_not, logical_or, maximum, neg, sqrt
+from skyarm.compile.tracing.lower import compute_where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import Tree
@@ -33,13 +36,29 @@ from skyarm.world.contact.contact_point import (
     touch_of,
 )
 from skyarm.world.contact.free_object import FreeObject
-from skyarm.world.contact.material import LIGHTEST, LONGEST
+from skyarm.world.contact.material import LIGHTEST, LONGEST, Material
 from skyarm.world.contact.mechanism import Mechanism
+from skyarm.world.contact.shape_pairs import places
 from skyarm.world.contact.surface import Surface
+from skyarm.world.contact.vehicle_bodies import (
+    BodyPair,
+    BodyTouch,
+    Record,
+    Side,
+    VehicleBody,
+    fixed_side,
+    gap_of_ball,
+    pairs_of,
+    part_of,
+    touch_of_bodies,
+    whole_ball,
+)
 
 NEAR, SWIFT = 0.005, 400.0
 """Least distance (m) between a point and a surface during longer steps, and largest
 acceleration (m/s^2) of the point meanwhile; both give the same distance in 5 ms."""
+
+Result = TypeVar("Result")
 
 EDGE = -1
 """Index of a meeting of two edges, in place of that of a spot."""
@@ -213,9 +232,16 @@ def misses(touch: Touch, seconds: Scalar) -> Scalar:
     """True if a point is too far from a surface to reach it within ``seconds``, even
     under a large acceleration.
     """
+    return too_far(touch.depth, sqrt(touch.slip.dot(touch.slip)), seconds)
+
+
+def too_far(depth: Scalar, speed: Scalar, seconds: Scalar) -> Scalar:
+    """True if what is apart by minus a depth (m) and has a speed (m/s) does not touch
+    within ``seconds``.
+    """
     # the way that the largest acceleration makes in this time
     margin = maximum(NEAR, 0.5 * SWIFT * seconds * seconds)
-    far: Scalar = touch.depth + sqrt(touch.slip.dot(touch.slip)) * seconds < -margin
+    far: Scalar = depth + speed * seconds < -margin
     return far
 
 
@@ -230,6 +256,10 @@ class TouchingBodies(Force[ContactMemory]):
     points: tuple[ContactPoint, ...]
     objects: tuple[FreeObject, ...]
     mechanisms: tuple[Mechanism, ...]
+    vehicle_bodies: tuple[VehicleBody, ...]
+    self_collision: bool
+    ignore: tuple[str, ...]
+    vehicle_material: Material
 
     @property
     def carriers(self) -> tuple[AnyCarrier, ...]:
@@ -268,6 +298,11 @@ class TouchingBodies(Force[ContactMemory]):
         return self.logged_pairs + spots + edges
 
     @property
+    def bristle_count(self) -> int:
+        """Number of bristles: one of each contact pair, then of each pair of bodies."""
+        return self.meeting_count + len(self.body_pairs)
+
+    @property
     def still(self) -> tuple[Surface, ...]:
         """Surfaces of the world that do not move during the flight."""
         return tuple(surface for surface in self.surfaces if not surface.moves)
@@ -288,3 +323,142 @@ class TouchingBodies(Force[ContactMemory]):
         return [
             each.touch for each in self.meetings(memory, motion)[: self.logged_pairs]
         ]
+
+    @property
+    def body_pairs(self) -> tuple[BodyPair, ...]:
+        """Pairs of a vehicle's body that has shapes with what it may touch."""
+        return pairs_of(
+            self.vehicle_bodies,
+            self.surfaces,
+            self.carriers,
+            self_collision=self.self_collision,
+            ignore=self.ignore,
+        )
+
+    def body_records(self, memory: ContactMemory, motion: PointMotion) -> list[Record]:
+        """Motions, shapes and bristles of each pair of bodies."""
+        pairs = self.body_pairs
+        if not pairs:
+            return []
+        longest = self.largest_step if motion.step is None else motion.step
+        step = LONGEST if longest is None else longest
+        clock = (*memory.clock, 0.0)[0]
+        sides = [
+            Side(each.frame(motion), each.parts(motion, self.vehicle_material))
+            for each in self.vehicle_bodies
+        ]
+        rows = zip(self.carriers, memory.carried, strict=True)
+        carried = [
+            Side(each.frame(body), tuple(map(part_of, each.surfaces)))
+            for each, body in rows
+        ]
+        bristles = memory.bristles[self.meeting_count :]
+        records = list[Record]()
+        for pair, bristle in zip(pairs, bristles, strict=True):
+            mass: Scalar = LIGHTEST
+            mean: Scalar = step
+            if pair.other == "surface":
+                surface = self.surfaces[pair.index]
+                other = fixed_side(surface, clock)
+                # as of a contact point (:func:`touch_of`)
+                mean = surface.material.largest_step if motion.step is None else step
+            elif pair.other == "carrier":
+                other = carried[pair.index]
+                mass = reduced_mass(1.0 / self.carriers[pair.index].mobility, LIGHTEST)
+            else:
+                other = sides[pair.index]
+            records.append((sides[pair.body], other, bristle, step, mean, mass))
+        return records
+
+    def places_at_rest(
+        self, memory: ContactMemory, motion: PointMotion
+    ) -> Iterator[Meeting]:
+        """Contact state of each place at which shapes of vehicles at rest touch, of
+        those that press on a surface.
+        """
+        rows = zip(self.body_pairs, self.body_records(memory, motion), strict=True)
+        for pair, record in rows:
+            # what is far away has no places to look for
+            if pair.other != "surface" or not touch_of_bodies(record).normal > 0.0:
+                continue
+            a, b, _, step, mean, mass = record
+            surface = self.surfaces[pair.index]
+            for one in a.parts:
+                for place, depth, normal in places(
+                    one.in_world(a.frame), b.parts[0].in_world(b.frame)
+                ):
+                    touch = touch_of(
+                        surface.material,
+                        depth,
+                        normal,
+                        ZERO3,
+                        ZERO3,
+                        ZERO3,
+                        step,
+                        mass,
+                        mean=mean,
+                    )
+                    yield Meeting(
+                        surface=surface.name,
+                        of=NOBODY,
+                        by=NOBODY,
+                        index=pair.index,
+                        touch=touch,
+                        place=place,
+                    )
+
+    def with_touches(
+        self,
+        memory: ContactMemory,
+        motion: PointMotion,
+        use: Callable[[list[BodyTouch]], Result],
+        other: Result,
+        seconds: Scalar = 0.0,
+    ) -> Result:
+        """Compute something from the touches of all pairs of bodies, in their order.
+
+        Args:
+            memory: internal state.
+            motion: of all vehicles.
+            use: makes the result of the touches; few numbers, since these are moved in
+                every period.
+            other: result where no ball around a whole vehicle may meet anything within
+                ``seconds``, and where there are no pairs.
+            seconds: s.
+        """
+        if not self.body_pairs:
+            return other
+        near = reduce(logical_or, self._vehicles_near(memory, motion, seconds))
+        places = [(m.state.position, m.state.joints) for m in motion.agents.values()]
+
+        def touches(moved: Sequence[tuple[Vec3, Scalars]]) -> Result:
+            there = motion.with_places(moved)
+            return use([*map(touch_of_bodies, self.body_records(memory, there))])
+
+        return compute_where(near, touches, tuple(places), other)
+
+    def _vehicles_near(
+        self, memory: ContactMemory, motion: PointMotion, seconds: Scalar
+    ) -> list[Scalar]:
+        """For each vehicle with shapes and each thing: whether the ball around the
+        vehicle may meet it within ``seconds``.
+        """
+        clock = (*memory.clock, 0.0)[0]
+        own = {each.agent for each in self.vehicle_bodies}
+        balls = [whole_ball(motion.of(agent)) for agent in sorted(own)]
+        rows = zip(self.carriers, memory.carried, strict=True)
+        fixed = [fixed_side(each, clock) for each in self.surfaces]
+        moved = [
+            Side(each.frame(body), tuple(map(part_of, each.surfaces)))
+            for each, body in rows
+        ]
+        near: list[Scalar] = [True] if self.self_collision else []
+        for i, (centre, reach, speed) in enumerate(balls):
+            for side in (*fixed, *moved):
+                gap, other = gap_of_ball(centre, reach, side)
+                near.append(logical_not(too_far(-gap, speed + other, seconds)))
+            for there, theirs, rate in balls[:i]:
+                way = there - centre
+                gap = sqrt(way.dot(way)) - reach - theirs
+                near.append(logical_not(too_far(-gap, speed + rate, seconds)))
+        return near

@@ -135,7 +135,7 @@ def stand_vehicle(
     Args:
         vehicle: the true one.
         gravity: m/s^2.
-        contact: surfaces and points.
+        contact: surfaces, points and shapes of this vehicle.
         state: state at rest, level but for its yaw, above the place.
 
     Raises:
@@ -160,7 +160,8 @@ def stand_vehicle(
         """Contacts of the vehicle, each with its arm and its force."""
         moved = at(x)
         motion, middle = PointMotion(vehicle, moved), center_of_mass(vehicle, moved)
-        ours = (each for each in contact.meetings(memory, motion) if each.by == NOBODY)
+        ours = [each for each in contact.meetings(memory, motion) if each.by == NOBODY]
+        ours += contact.places_at_rest(memory, motion)
         return [
             (each, each.place - middle, each.touch.axis * each.touch.normal)
             for each in ours

@@ -1,9 +1,10 @@
-"""Surfaces of the world: a plane, a box, a cylinder, a sphere or a plate with a hole,
-at rest or moving.
+"""Surfaces: a plane, a box, a cylinder, a sphere, a capsule, a convex hull or a plate
+with a hole, at rest or moving.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import field
 from functools import reduce
@@ -36,13 +37,15 @@ from skyarm.algebra.scalars import (
     sub,
     where,
 )
+from skyarm.compile.tracing.lower import compiled_once
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
-from skyarm.records.immutable import field_if_any, immutable
+from skyarm.records.immutable import derived_field, field_if_any, immutable
 from skyarm.records.units import Unit, positive
 from skyarm.reference.signals import Constant
+from skyarm.vehicle.convex_hull import Triangles, complete_shape
 from skyarm.world.contact.material import Material
 from skyarm.world.signal_vector import NO_SIGNALS, SignalVector
 
@@ -57,15 +60,23 @@ SHAPES = {
     "cylinder": ("radius", "length"),
     "sphere": ("radius",),
     "hole": SIZES,
+    "capsule": ("radius", "length"),
+    "hull": (),
 }
 """Shape -> names of its sizes (m). The outside of a plane is along its z axis, which is
-also the axis of cylinder and hole."""
+also the axis of cylinder, hole and capsule; the length of a capsule is that between the
+centres of its ends."""
 
 
 _CENTRE = 1e-24
 """Squared length (m^2) under a root: the normal in the middle of a sphere, on an axis
 or at a corner is zero instead of NaN."""
 
+
+Corners = Annotated[tuple[Vec3, ...], Unit("m", "corners of a hull, its own axes")]
+
+Spot = tuple[Vec3, Scalar]
+"""Ball that may touch: middle (m, world axes) and radius (m; an int 0 of a point)."""
 
 Face = tuple[Scalar, Vec3]
 """Height of a point above a face (m, negative inside) and the face's outward normal,
@@ -74,14 +85,17 @@ axes of the surface."""
 
 @immutable
 class Surface:
-    """Contact surface: plane, box, cylinder, ball or plate with a hole, with its pose,
-    motion and material.
+    """Contact surface: a shape such as a plane or box with its pose, motion and
+    material.
 
     Attributes:
         name: name in messages, logs and pictures. shape: one of ``SHAPES``.
-        size: lengths of a box along its axes, radius and length of a cylinder, radius
-            of a sphere; none of a plane; of a plate with a hole those of
-            :mod:`skyarm.world.contact.surface`.
+        size: lengths of a box along its axes, radius and length of a cylinder or
+            capsule, radius of a sphere; none of a plane or hull; of a plate with a hole
+            those of :mod:`skyarm.world.contact.surface`.
+        vertices: corners of a hull, m, its axes.
+        faces: triangles of the hull's skin as numbers of vertices, counter-clockwise
+            seen from outside; found if left out.
         motion: displacement that is added to the position as time goes on, m, world
             axes. It must have a velocity: a step is passed without one.
         mesh: path of an STL file (m, axes of the surface) that it is drawn as; nothing
@@ -123,11 +137,13 @@ class Surface:
     motion: SignalVector = NO_SIGNALS
     material: Material = field(default_factory=Material)
     mesh: str = field_if_any(default="")
+    vertices: Corners = field_if_any(default=())
+    faces: Triangles = derived_field()
 
     def __post_init__(self) -> None:
         accept_fields(self, "surface")
         coerce.fold_zeros(self, "position", "angles")
-        require_size("surface.size", self.shape, self.size)
+        complete_shape("surface", self, RecordError, SHAPES)
         if self.mesh and self.shape in ("plane", "hole"):
             raise RecordError(
                 f"surface.mesh = {shown(self.mesh)}: must be left out of a {self.shape}"
@@ -161,7 +177,11 @@ class Surface:
         if self.shape == "hole":
             outer, length = self.size[3:]
             return sqrt(outer * outer + length * length)
+        if self.shape == "hull":
+            return sqrt(reduce(maximum, [each.dot(each) for each in self.vertices]))
         radius, length = self.size
+        if self.shape == "capsule":
+            return radius + 0.5 * length
         return sqrt(radius * radius + 0.25 * length * length)
 
     def place(self, t: Scalar) -> tuple[Vec3, Vec3]:
@@ -182,9 +202,14 @@ class Surface:
         """
         if self.shape == "plane":
             return ((p.z, E_Z),)
-        if self.shape == "sphere":
+        if self.shape in ("sphere", "capsule"):
+            if self.shape == "capsule":
+                half = 0.5 * self.size[1]
+                p = Vec3(p.x, p.y, p.z - clip(p.z, -half, half))
             away = sqrt(p.dot(p) + _CENTRE)
             return ((away - self.size[0], p * divide(1.0, away)),)
+        if self.shape == "hull":
+            return self._above(p, self.vertices)
         # for a rotor's disc a hole is as if it were filled
         if self.shape in ("hole", "cylinder"):
             outer, length = self.size[-2:]
@@ -214,16 +239,62 @@ class Surface:
             t: s.
         """
         R = self.rotation
-        p = R.apply_T(point_W - self.place(t)[0])
+        depth, normal = self.skin(R.apply_T(point_W - self.place(t)[0]), radius)
+        return depth, R.apply(normal)
+
+    def skin(self, p: Vec3, radius: Scalar) -> Face:
+        """Penetration depth and outward normal as :meth:`depth`, all in the axes of the
+        surface.
+        """
         if self.shape == "hole":
             height, normal = from_plate(self.size, p)
-            return radius - height, R.apply(normal)
+            return radius - height, normal
+        if self.shape == "hull" and not absent(radius):
+            height, normal = compiled_once(
+                ("hull", self.faces), self._from_hull, (p, self.vertices)
+            )
+            return radius - height, normal
         faces = self._faces(p)
         height, normal = _nearest(faces)
         # a point inside counts to the nearest face, outside it has no force
         if len(faces) > 1 and not absent(radius):
             height, normal = _nearest_edge(faces, height, normal)
-        return radius - height, R.apply(normal)
+        return radius - height, normal
+
+    def _from_hull(self, record: tuple[Vec3, tuple[Vec3, ...]]) -> Face:
+        """Signed distance (m) of a point from a hull, and outward normal there."""
+        p, corners = record
+        faces = self._above(p, corners)
+        height, normal = _nearest(faces)
+        nearest: Face = math.inf, ZERO3
+        for (above, n), face in zip(faces, self.faces, strict=True):
+            over = above >= 0.0
+            for i, j in ((0, 1), (1, 2), (2, 0)):
+                start, way = corners[face[i]], corners[face[j]] - corners[face[i]]
+                off = p - start
+                # left of every edge a point is above the face itself
+                over = logical_and(over, n.cross(way).dot(off) >= 0.0)
+                share = clip(divide(off.dot(way), way.dot(way)), 0.0, 1.0)
+                apart = off - way * share
+                other = apart.dot(apart), apart
+                nearest = _choose(other[0] < nearest[0], other, nearest)
+            other = above * above, n * above
+            nearest = _choose(logical_and(over, other[0] < nearest[0]), other, nearest)
+        away = sqrt(nearest[0] + _CENTRE)
+        outside = logical_and(height > 0.0, away > OUTSIDE)
+        way = nearest[1] * divide(1.0, away)
+        return _choose(outside, (away, way), (height, normal))
+
+    def _above(self, p: Vec3, corners: Sequence[Vec3]) -> tuple[Face, ...]:
+        """Height of a point above each face of a hull, and the face's outward
+        normal.
+        """
+        rows = []
+        for a, b, c in ([corners[i] for i in face] for face in self.faces):
+            across = (b - a).cross(c - a)
+            n = across * divide(1.0, sqrt(across.dot(across) + _CENTRE**2))
+            rows.append(((p - a).dot(n), n))
+        return tuple(rows)
 
     def clearance(
         self, centre_W: Vec3, axis_W: Vec3, radius: Scalar, t: Scalar
@@ -256,17 +327,9 @@ class Surface:
         )
 
 
-def require_size(where: str, shape: str, size: Sequence[Scalar]) -> None:
-    """Refuse a size whose number of lengths does not fit the shape of the surface."""
-    sizes = SHAPES[shape]
-    if len(size) != len(sizes):
-        count = "one number" if len(sizes) == 1 else f"{len(sizes)} numbers"
-        allowed = (
-            f"must be {count}, {', '.join(sizes)}"
-            if sizes
-            else "must be left out of a plane"
-        )
-        raise RecordError(f"{where} = {shown(list(size))}: {allowed}")
+OUTSIDE = 1e-9
+"""Distance (m) from a hull up to which the normal of its nearest face is taken: that of
+the way to it has lost its digits."""
 
 
 def rotation_of(angles: Vec3) -> Mat3:
@@ -294,8 +357,7 @@ def _nearest(faces: tuple[Face, ...]) -> Face:
     """
     height, normal = faces[0]
     for above, axis in faces[1:]:
-        nearer = above > height
-        height, normal = where(nearer, above, height), _either(nearer, axis, normal)
+        height, normal = _choose(above > height, (above, axis), (height, normal))
     return height, normal
 
 
@@ -307,10 +369,12 @@ def _slab(c: Scalar, size: Scalar, axis: Vec3) -> Face:
     return absolute(c) - 0.5 * size, axis * sign(c)
 
 
-def _either(condition: Scalar, a: Vec3, b: Vec3) -> Vec3:
-    return Vec3(
+def _choose(condition: Scalar, new: Face, old: Face) -> Face:
+    """One of two faces, by a condition."""
+    rows = zip(new[1], old[1], strict=True)
+    return where(condition, new[0], old[0]), Vec3(
         # a shared constant stays structure
-        *(x if x is y else where(condition, x, y) for x, y in zip(a, b, strict=True))
+        *(x if x is y else where(condition, x, y) for x, y in rows)
     )
 
 
@@ -323,7 +387,7 @@ def _nearest_edge(faces: tuple[Face, ...], height: Scalar, normal: Vec3) -> Face
     way = ZERO3
     for each, (_, axis) in zip(outside, faces, strict=True):
         way = way + axis * divide(each, away)
-    return where(height > 0.0, away, height), _either(height > 0.0, way, normal)
+    return _choose(height > 0.0, (away, way), (height, normal))
 
 
 SHORTEST = 1e-6

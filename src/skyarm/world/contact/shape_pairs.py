@@ -1,0 +1,353 @@
+"""Places where two shapes touch.
+
+A sphere or capsule touches with its own balls alone, which find faces, edges and
+corners of the other. Of two shapes with corners each touches the other with its own:
+corners of boxes and hulls, three points of each rim of a cylinder
+(:mod:`skyarm.world.contact.surface` measures how deep). What crosses beside all corners
+touches along its line: a capsule or the side of a cylinder at the nearest place of its
+axis, on a box or on a cylinder's end at both ends of the part above it; boxes by pairs
+of edges (:mod:`skyarm.world.contact.box_edges`). Edges of hulls do not meet edges of
+hulls, boxes or rims; where rims cross rims or edges, the place on the rim is found only
+roughly, and they touch late.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import reduce
+from itertools import product
+
+from skyarm.algebra import Mat3, Scalar, Vec3
+from skyarm.algebra.scalars import (
+    absolute,
+    clip,
+    divide,
+    logical_and,
+    logical_or,
+    maximum,
+    minimum,
+    sqrt,
+    where,
+)
+from skyarm.records.immutable import positional
+from skyarm.world.contact.box_edges import PlacedBox, edge_touches
+from skyarm.world.contact.surface import Spot, Surface
+
+ROUND = ("sphere", "capsule")
+"""Shapes that touch with balls alone, in the order in which they give them."""
+
+HOLLOW = ("plane", "hole")
+"""Shapes that nothing of theirs sticks out of: only others touch them with their
+own."""
+
+RIM = ((1.0, 0.0), (-0.5, 0.75**0.5), (-0.5, -(0.75**0.5)))
+"""Cosines and sines of three contact positions on a cylinder's rim, starting at its
+deepest one."""
+
+_LEVEL = 1e-12
+"""Fraction of a fixed direction added to that of the rim's deepest position, which is
+undefined for an upright cylinder."""
+
+SHORT = 1e-3
+"""Length (m) of a line of contact below which its second end fades: both ends of a line
+without length are one place."""
+
+ROUNDS = 4
+"""Secant and bisection steps to the nearest place of a segment; the last secant is
+exact where the squared distance is quadratic, as beside one edge or corner."""
+
+SWINGS = 3
+"""Steps to the place of a rim that is nearest to another shape, each from the rim to
+the shape and back."""
+
+_TINY = 1e-12
+"""Least length (m) in a quotient."""
+
+Place = tuple[Vec3, Scalar, Vec3]
+"""Place of contact (m), penetration (m, negative outside), and normal from the second
+shape to the first, world axes."""
+
+
+@positional
+class PlacedShape:
+    """Shape with its pose in the world: rotation matrix of its axes and position (m) of
+    its origin.
+    """
+
+    shape: Surface
+    rotation: Mat3
+    position: Vec3
+
+    def skin(self, point: Vec3, radius: Scalar) -> tuple[Scalar, Vec3]:
+        """Penetration (m) of a ball into the shape, and the outward normal, world
+        axes.
+        """
+        depth, normal = self.shape.skin(
+            self.rotation.apply_T(point - self.position), radius
+        )
+        return depth, self.rotation.apply(normal)
+
+    @property
+    def ends(self) -> tuple[Vec3, Vec3]:
+        """Ends (m, world axes) of the axis of a capsule or cylinder."""
+        half = self.rotation.column(2) * (0.5 * self.shape.size[1])
+        return self.position - half, self.position + half
+
+    @property
+    def box(self) -> PlacedBox:
+        """The same box as one whose edges may touch."""
+        x, y, z = (0.5 * each for each in self.shape.size)
+        return PlacedBox(self.position, self.rotation, (x, y, z))
+
+
+def spots_of(a: PlacedShape, downs: Sequence[Vec3] = ()) -> tuple[Spot, ...]:
+    """Balls and points with which a shape touches another.
+
+    Args:
+        a: the shape.
+        downs: of a cylinder, the vector (m) from the middle of either end to the
+            deepest point of its rim (:func:`down_of`).
+    """
+    shape = a.shape
+    if shape.shape == "sphere":
+        return ((a.position, shape.size[0]),)
+    if shape.shape == "capsule":
+        return tuple((end, shape.size[0]) for end in a.ends)
+    if shape.shape == "hull":
+        return tuple(
+            (a.position + a.rotation.apply(each), 0) for each in shape.vertices
+        )
+    if shape.shape == "box":
+        halves = [a.rotation.column(i) * (0.5 * shape.size[i]) for i in range(3)]
+        return tuple(
+            (a.position + halves[0] * x + halves[1] * y + halves[2] * z, 0)
+            for x, y, z in product((-1, 1), repeat=3)
+        )
+    axis = a.rotation.column(2)
+    half = axis * (0.5 * shape.size[1])
+    rims = [(down, axis.cross(down)) for down in downs]
+    return tuple(
+        (a.position + half * end + down * cosine + across * sine, 0)
+        for end, (down, across) in zip((-1, 1), rims, strict=True)
+        for cosine, sine in RIM
+    )
+
+
+def down_of(a: PlacedShape, toward: Vec3) -> Vec3:
+    """Vector (m) from the axis of a cylinder to its side, against a normal."""
+    axis = a.rotation.column(2)
+    # across the axis also by rounding, which a small tilt would enlarge
+    way = axis.cross(axis.cross(toward)) + a.rotation.column(0) * _LEVEL
+    return way * divide(a.shape.size[0], sqrt(way.dot(way) + _LEVEL**3))
+
+
+def spot_count(shape: Surface) -> int:
+    """Number of balls and points with which a shape touches others."""
+    fixed = {"sphere": 1, "capsule": 2, "box": 8, "cylinder": 2 * len(RIM)}
+    return fixed.get(shape.shape, len(shape.vertices))
+
+
+def places(a: PlacedShape, b: PlacedShape) -> list[Place]:
+    """Places at which two shapes may touch, with normals from ``b`` to ``a``."""
+    if _comes_second(a.shape.shape, b.shape.shape):
+        return _swap(places(b, a))
+    if b.shape.shape in HOLLOW:
+        return _touching(a, b)
+    if a.shape.shape in ROUND:
+        if a.shape.shape == "capsule" and b.shape.shape == "box":
+            return _line(a, b, a.shape.size[0], (0.0, 0.0))
+        touching = _touching(a, b)
+        if a.shape.shape == "capsule":
+            # nothing is counted twice where an end touches as deep
+            low, high = (maximum(depth, 0.0) for _, depth, _ in touching)
+            touching += _line(a, b, a.shape.size[0], (low, high))
+        return touching
+    found = [_touching(a, b), _swap(_touching(b, a))]
+    found += [_side(a, b, found[0]), _swap(_side(b, a, found[1]))]
+    if a.shape.shape == b.shape.shape == "box":
+        found.append(list(edge_touches(a.box, b.box)))
+    return [each for some in found for each in some]
+
+
+def _comes_second(a: str, b: str) -> bool:
+    """True if the second shape of a pair has to be the first: the rounder one is."""
+    order = [*ROUND, "box", "cylinder", "hull", *HOLLOW]
+    # of two shapes with corners either may be first
+    return (b in ROUND or a in HOLLOW) and order.index(b) < order.index(a)
+
+
+def _swap(found: Sequence[Place]) -> list[Place]:
+    """List the same places with normals to the other shape."""
+    return [(place, depth, -normal) for place, depth, normal in found]
+
+
+def _touching(a: PlacedShape, b: PlacedShape) -> list[Place]:
+    """Places at which balls and points of one shape touch the skin of another."""
+    found = []
+    for at, radius in spots_of(a, _downs(a, b)):
+        depth, normal = b.skin(at, radius)
+        found.append((at - normal * radius, depth, normal))
+    return found
+
+
+def _downs(a: PlacedShape, b: PlacedShape) -> tuple[Vec3, ...]:
+    """Vectors (m) from the ends of a cylinder to the points of its rims that are
+    nearest to another shape.
+    """
+    if a.shape.shape != "cylinder":
+        return ()
+    start, way = _axis(a, b)
+    share = 0.5 if b.shape.shape in HOLLOW else _nearest_share(b.shape, start, way)
+    down = down_of(a, b.rotation.apply(b.shape.skin(start + way * share, _TINY)[1]))
+    if b.shape.shape in HOLLOW:
+        return down, down
+    found = list[Vec3]()
+    for end in a.ends:
+        rim = down
+        for _ in range(SWINGS):
+            depth, normal = b.skin(end + rim, _TINY)
+            # from the place of the shape that is nearest to the rim back to the rim
+            rim = down_of(a, -rim - normal * minimum(depth, 0.0))
+        found.append(rim)
+    return tuple(found)
+
+
+def _axis(a: PlacedShape, b: PlacedShape) -> tuple[Vec3, Vec3]:
+    """Start (m) of the axis of a capsule or cylinder and the way to its end, axes of
+    another shape.
+    """
+    start, end = (b.rotation.apply_T(each - b.position) for each in a.ends)
+    return start, end - start
+
+
+def _side(a: PlacedShape, b: PlacedShape, rims: Sequence[Place]) -> list[Place]:
+    """Places at which the side of a cylinder crosses another shape beside its rims."""
+    if a.shape.shape != "cylinder":
+        return []
+    half = len(rims) // 2
+    depths = [maximum(depth, 0.0) for _, depth, _ in rims]
+    low, high = reduce(maximum, depths[:half]), reduce(maximum, depths[half:])
+    return _line(a, b, a.shape.size[0], (low, high))
+
+
+def _line(
+    a: PlacedShape, b: PlacedShape, radius: Scalar, taken: tuple[Scalar, Scalar]
+) -> list[Place]:
+    """Places at which the axis of a capsule or cylinder is nearest to another shape.
+
+    Above a face of a box or an end of a cylinder they are both ends of the part above
+    it, else one place.
+
+    Args:
+        a: capsule or cylinder.
+        b: the other shape.
+        radius: m.
+        taken: depth (m) to which the ends at the start and at the end of the axis touch
+            already.
+    """
+    start, way = _axis(a, b)
+    length = sqrt(way.dot(way) + _TINY)
+    share = _nearest_share(b.shape, start, way)
+    most = maximum(*taken)
+    ends: tuple[Scalar, ...] = (share,)
+    flat: Scalar = False
+    if b.shape.shape in ("box", "cylinder"):
+        ends, flat = _above_face(b.shape, start, way, share)
+    found = list[Place]()
+    fading: Scalar = 0.0
+    for each, given in zip(ends, taken, strict=False):
+        point = start + way * each
+        normal = b.shape.skin(point, _TINY)[1]
+        along = normal.dot(way) * divide(1.0, length)
+        width, less = radius, maximum(where(flat, given, most), fading)
+        if a.shape.shape == "cylinder":
+            # a slanted side reaches less far down
+            width = radius * sqrt(maximum(1.0 - along * along, _TINY))
+        depth, normal = b.shape.skin(point, width)
+        if a.shape.shape == "cylinder":
+            # no deeper in the side than from its end; beyond that the rim touches
+            far = each * length - along * (width - depth)
+            depth = minimum(depth, minimum(far, length - far))
+        if len(ends) > 1:
+            apart = (ends[-1] - ends[0]) * length
+            fading = maximum(depth, 0.0) * maximum(1.0 - apart * (1.0 / SHORT), 0.0)
+        place = b.position + b.rotation.apply(point - normal * width)
+        found.append((place, depth - less, b.rotation.apply(normal)))
+    return found
+
+
+def _nearest_share(shape: Surface, start: Vec3, way: Vec3) -> Scalar:
+    """Share of a segment's length at which it is nearest to a convex shape, or deepest
+    in it.
+    """
+    if shape.shape == "sphere":
+        return clip(divide(-start.dot(way), way.dot(way) + _TINY**2), 0.0, 1.0)
+
+    def slope(share: Scalar) -> Scalar:
+        depth, normal = shape.skin(start + way * share, _TINY)
+        # of half the squared distance, which is convex along the segment; inside, the
+        # sign alone is used
+        rise: Scalar = maximum(-depth, INSIDE) * normal.dot(way)
+        return rise
+
+    low: Scalar = 0.0
+    high: Scalar = 1.0
+    below, above = slope(low), slope(high)
+    for turn in range(2 * ROUNDS):
+        # bisection after each secant: a secant alone may creep from one side
+        share = 0.5 * (low + high) if turn % 2 else _secant(low, high, below, above)
+        rise = slope(share)
+        falls = rise < 0.0
+        low, below = where(falls, share, low), where(falls, rise, below)
+        high, above = where(falls, high, share), where(falls, above, rise)
+    return _secant(low, high, below, above)
+
+
+INSIDE = 1e-6
+"""Height (m) that stands for that of a point inside a shape in the slope of its squared
+distance."""
+
+
+def _secant(low: Scalar, high: Scalar, below: Scalar, above: Scalar) -> Scalar:
+    """Zero of the line through two slopes, within the interval between them."""
+    part = divide(-below, maximum(above - below, _TINY**2))
+    return low + (high - low) * clip(part, 0.0, 1.0)
+
+
+def _above_face(
+    shape: Surface, start: Vec3, way: Vec3, share: Scalar
+) -> tuple[tuple[Scalar, Scalar], Scalar]:
+    """Shares of a segment's length between which it is above the nearest face of a box,
+    or an end of a cylinder, and True.
+
+    Where its nearest place is above no face, twice that place and False.
+    """
+    nearest = start + way * share
+    low: Scalar = 0.0
+    high: Scalar = 1.0
+    flat: Scalar = True
+    # of a cylinder the round face is none
+    slabs = [*zip(nearest, start, way, shape.size, strict=False)]
+    if shape.shape == "cylinder":
+        radius, length = shape.size
+        slabs = [(nearest.z, start.z, way.z, length)]
+        # across the round face it is within the radius
+        inverse = divide(1.0, way.x * way.x + way.y * way.y + _TINY**2)
+        middle = -(way.x * start.x + way.y * start.y) * inverse
+        off = start + way * middle
+        square = radius * radius - off.x * off.x - off.y * off.y
+        half = sqrt(maximum(square, 0.0) * inverse)
+        low, high = maximum(0.0, middle - half), minimum(1.0, middle + half)
+        flat = absolute(share - middle) < half
+    heights = [absolute(at) - 0.5 * size for at, _, _, size in slabs]
+    highest = reduce(maximum, heights)
+    for height, (_, at, along, size) in zip(heights, slabs, strict=True):
+        # across this face the segment may be where it will
+        is_face = height >= highest
+        flat = logical_and(flat, logical_or(is_face, height <= 0.0))
+        inverse = divide(1.0, where(absolute(along) > _TINY, along, _TINY))
+        one, other = (-0.5 * size - at) * inverse, (0.5 * size - at) * inverse
+        low = where(is_face, low, maximum(low, minimum(one, other)))
+        high = where(is_face, high, minimum(high, maximum(one, other)))
+    flat = logical_and(flat, low < high)
+    return (where(flat, low, share), where(flat, high, share)), flat

@@ -1,0 +1,141 @@
+"""Surfaces from files: the shapes of an MJCF scene, or the convex hull of a mesh."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+from skyarm.algebra import ZERO3, Scalar, Vec3
+from skyarm.records import coerce
+from skyarm.records.field_rules import checked
+from skyarm.records.files import errors_as, shown
+from skyarm.records.files.fields import list_of_tables
+from skyarm.records.files.mesh_vertices import MESHES, read_vertices
+from skyarm.records.files.names import unreadable
+from skyarm.records.files.toml import Entry
+from skyarm.records.immutable import immutable
+from skyarm.records.read_table import entry_of, record_from
+from skyarm.records.units import Unit
+from skyarm.vehicle.attach import Notes, at_origin, moved_into, posed_in
+from skyarm.vehicle.description import rpy_of
+from skyarm.vehicle.imported_shapes import MOST_CORNERS, MOST_VERTICES, collision_of
+from skyarm.vehicle.mjcf import read_scene
+from skyarm.vehicle.vehicle_records import FEWEST_CORNERS, Collision, Frame
+from skyarm.world.contact.material import Material
+from skyarm.world.contact.surface import Surface, rotation_of
+from skyarm.world.contact.vehicle_bodies import bare
+
+SCENE = ".xml"
+"""Suffix of MJCF files."""
+
+METRES = Vec3(1, 1, 1)
+"""Scale of a file whose lengths are in m."""
+
+
+class SimplifiedHullWarning(UserWarning):
+    """Warning about a hull that has not all corners of its mesh."""
+
+
+@immutable
+@checked("body")
+class SurfaceFile:
+    """File whose shapes become surfaces: an MJCF scene, or a mesh, of which it is the
+    convex hull.
+    """
+
+    name: Annotated[
+        str,
+        Unit(
+            "",
+            "name of a mesh's surface; those of a scene are called NAME/GEOM",
+            rule=coerce.name,
+        ),
+    ]
+    file: Annotated[str, Unit("", "path of an MJCF scene or of a mesh")]
+    position: Annotated[
+        Vec3, Unit("m", "position of the file's origin, world axes")
+    ] = ZERO3
+    angles: Annotated[
+        Vec3, Unit("rad", "roll, pitch, yaw: about x, then y, then z of the world")
+    ] = ZERO3
+    scale: Annotated[
+        Vec3, Unit("m", "length of one unit of a mesh file, along each axis")
+    ] = METRES
+    most_vertices: Annotated[
+        int,
+        Unit(
+            "",
+            "largest number of corners of the hull of a mesh",
+            low=FEWEST_CORNERS,
+            high=MOST_CORNERS,
+        ),
+    ] = MOST_VERTICES
+    material: Material | None = None
+
+    def surfaces(self, folder: Path) -> Iterator[Surface]:
+        """Surfaces of the file, where it lies in the world.
+
+        Args:
+            folder: where the path of the file begins.
+
+        Raises:
+            ValueError: one line without the file's name: what cannot be read, moves, or
+                has no counterpart.
+        """
+        path, notes = folder / self.file, Notes()
+        suffix = path.suffix.lower()
+        if suffix not in (SCENE, *MESHES):
+            raise ValueError(f"must end in {', '.join(MESHES)} or {SCENE} (MJCF)")
+        if reason := unreadable(path):
+            raise ValueError(reason)
+        if suffix != SCENE:
+            points = read_vertices(path, [*self.scale])
+            mesh = self.name, "hull", at_origin(), points, notes, self.most_vertices
+            shapes: list[tuple[Frame, Scalar]]
+            shapes = [(collision_of(*mesh), Material().friction)]
+        elif self.scale == METRES:
+            shapes = read_scene(path, f"{self.name}/", self.most_vertices, notes)
+        else:
+            raise ValueError("is in m: scale must be left out of an MJCF scene")
+        origin = posed_in(at_origin(), rotation_of(self.angles), self.position)
+        for shape, friction in shapes:
+            at = moved_into(origin, shape)
+            with errors_as(ValueError, f"{at.name}: "):
+                material = self.material or Material(friction=friction)
+                yield replace(
+                    bare(shape, material)
+                    if isinstance(shape, Collision)
+                    else Surface(name="plane", material=material),
+                    name=at.name,
+                    position=at.position,
+                    angles=Vec3(*rpy_of(at.rotation)),
+                )
+        for line in notes.lines():
+            warnings.warn(line, SimplifiedHullWarning, stacklevel=2)
+
+
+def with_bodies(world: Entry, folder: Path) -> Entry:
+    """Table [world] in which surfaces stand in place of the files of its bodies.
+
+    Args:
+        world: plain table of a file.
+        folder: folder of the file.
+
+    Raises:
+        ValueError: one line with field, value and what is allowed.
+    """
+    if not isinstance(world, Mapping) or "bodies" not in world:
+        return world
+    expanded = dict(world)
+    rows = list_of_tables(expanded.pop("bodies"), "world.bodies")
+    stated = list_of_tables(world.get("surfaces", []), "world.surfaces")
+    surfaces: list[Entry] = [each.table for each in stated]
+    for row in rows:
+        body = record_from(SurfaceFile, row)
+        label = f"{row.at('file')} = {shown(body.file)}: "
+        with errors_as(ValueError, label, (ValueError, OSError)):
+            surfaces += map(entry_of, body.surfaces(folder))
+    return expanded | {"surfaces": surfaces}

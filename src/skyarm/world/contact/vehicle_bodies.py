@@ -1,0 +1,471 @@
+"""Bodies of vehicles that touch with their shapes (``[[collisions]]`` of a vehicle
+file).
+
+They touch surfaces of the world, movable bodies, other vehicles, and each other on
+request.
+
+A pair of bodies is looked at in two steps: balls around both tell if they can touch at
+all; only then the places at which their shapes touch are computed
+(:mod:`skyarm.world.contact.shape_pairs`), by code that all alike pairs share.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import reduce
+from itertools import combinations
+from operator import add
+
+from skyarm.algebra import ZERO3, Mat3, Scalar, Vec3
+from skyarm.algebra.scalars import absolute, divide, maximum, sqrt, where
+from skyarm.compile.tracing.lower import compiled_once, compute_where
+from skyarm.dynamics.kinematics import every_rate
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.records.immutable import field_if_any, immutable, positional
+from skyarm.records.leaves import as_data
+from skyarm.vehicle import BASE, Vehicle
+from skyarm.vehicle.vehicle_records import Collision
+from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame
+from skyarm.world.contact.contact_point import BASE_NAME, body_axes
+from skyarm.world.contact.grasp import Grasp
+from skyarm.world.contact.gripper import Gripper
+from skyarm.world.contact.material import RECOVERY, Material
+from skyarm.world.contact.shape_pairs import HOLLOW, PlacedShape, places
+from skyarm.world.contact.surface import Surface
+
+_TINY = 1e-24
+"""Square under a root whose derivative at rest is 0 instead of NaN; least force (N) in
+a quotient."""
+
+_NOTHING = Vec3(0.0, 0.0, 0.0)
+
+
+@immutable
+class VehicleBody:
+    """Body of a vehicle that has shapes.
+
+    Attributes:
+        agent: name of the vehicle; empty for the only one. body: BASE or index of a
+            link.
+        name: "base" or the link's name, behind the vehicle's name and a dot if there
+            are several.
+        parent: body that carries it; -2 of the base.
+        shapes: indices of its shapes among the vehicle's.
+        holds: names of movable bodies that grasps at its frames hold; an empty one if a
+            gripper is there, which may take any.
+    """
+
+    agent: str
+    body: int
+    name: str
+    parent: int
+    shapes: tuple[int, ...]
+    holds: tuple[str, ...] = field_if_any(default=())
+
+    def frame(self, motion: PointMotion) -> CarriedFrame:
+        """Pose and velocity of the body's axes."""
+        own = motion.of(self.agent)
+        turning = own.angular_velocity(self.body)
+        return CarriedFrame(
+            position=own.position(ZERO3, self.body),
+            rotation=body_axes(own, self.body),
+            velocity=own.velocity(ZERO3, self.body),
+            turning=own.to_world(turning, self.body),
+        )
+
+    def parts(self, motion: PointMotion, material: Material) -> tuple[Part, ...]:
+        """Shapes of the body in its axes."""
+        every = motion.of(self.agent).vehicle.collisions
+        return tuple(part_of_vehicle(every[i], material) for i in self.shapes)
+
+
+@positional
+class Part:
+    """Shape of a body, with its pose in the body's axes."""
+
+    shape: Surface
+    rotation: Mat3
+    position: Vec3
+
+    def in_world(self, frame: CarriedFrame) -> PlacedShape:
+        """The shape where its body is."""
+        return PlacedShape(
+            self.shape,
+            frame.rotation @ self.rotation,
+            frame.position + frame.rotation.apply(self.position),
+        )
+
+    @property
+    def reach(self) -> Scalar:
+        """Largest distance (m) of the shape from the origin of its body."""
+        return sqrt(self.position.dot(self.position) + _TINY) + self.shape.farthest
+
+
+@positional
+class Side:
+    """One of two bodies that may touch: motion of its axes, and its shapes."""
+
+    frame: CarriedFrame
+    parts: tuple[Part, ...]
+
+
+Record = tuple[Side, Side, Vec3, Scalar, Scalar, Scalar]
+"""Two bodies, deflection of their bristle (m), longest step of the contact (s), time
+(s) over whose way the penetration is a mean, and least mass (kg) that they move."""
+
+
+@positional
+class BodyTouch:
+    """Force and torque of two bodies on each other.
+
+    Attributes:
+        force: on the first, N, world axes. torque, back: torque of the force about the
+            first body's origin, and of the opposite one about the other's, N m.
+        normal: sum of normal forces, N. place: mean place of these, m, world axes.
+        depth: largest penetration, m; apart at most minus the distance.
+        speed: largest speed at which places move along each other, m/s.
+        bristle_rate: of the deflection, m/s.
+    """
+
+    force: Vec3
+    torque: Vec3
+    back: Vec3
+    normal: Scalar
+    place: Vec3
+    depth: Scalar
+    speed: Scalar
+    bristle_rate: Vec3
+
+
+@positional
+class BodyPair:
+    """Two bodies that may touch: a body of a vehicle and a surface of the world, a
+    movable body or another one.
+
+    Attributes:
+        name: names of both. body: number of the first among the bodies of vehicles.
+        other: what the other is among: "surface", "carrier" or "body". index: its
+            number.
+    """
+
+    name: str
+    body: int
+    other: str
+    index: int
+
+
+def bodies_of(
+    vehicles: Mapping[str, Vehicle], holders: Sequence[Gripper | Grasp] = ()
+) -> tuple[VehicleBody, ...]:
+    """Bodies of vehicles that have shapes, by the vehicles' names, with what grippers
+    and grasps may hold at them.
+    """
+    found = []
+    for agent, vehicle in vehicles.items():
+        names = [BASE_NAME, *(link.name for link in vehicle.moving)]
+        parents = [-2, *(link.parent for link in vehicle.moving)]
+        links = {each.name: each.link for each in vehicle.frames}
+        for body in range(BASE, len(vehicle.moving)):
+            own = [i for i, e in enumerate(vehicle.collisions) if e.link == body]
+            if not own:
+                continue
+            several = f"{agent}." if len(vehicles) > 1 else ""
+            found.append(
+                VehicleBody(
+                    agent=agent if len(vehicles) > 1 else "",
+                    body=body,
+                    name=several + names[body + 1],
+                    parent=parents[body + 1],
+                    shapes=tuple(own),
+                    holds=tuple(
+                        getattr(each, "body", "")
+                        for each in holders
+                        if each.agent in ("", agent)
+                        and links.get(each.frame or vehicle.end_effector) == body
+                    ),
+                )
+            )
+    return tuple(found)
+
+
+def pairs_of(
+    bodies: Sequence[VehicleBody],
+    surfaces: Sequence[Surface],
+    carriers: Sequence[AnyCarrier],
+    *,
+    self_collision: bool,
+    ignore: Sequence[str],
+) -> tuple[BodyPair, ...]:
+    """Pairs of bodies that may touch.
+
+    A body may touch each surface and movable body, the bodies of other vehicles, and
+    those of its own vehicle that are no neighbours. One with the frame of a gripper
+    does not touch what the gripper may take, nor one with that of a grasp the grasp's
+    body: the grip's own forces act between them.
+    """
+    others = [("surface", i, each.name) for i, each in enumerate(surfaces)]
+    others += [("carrier", i, each.name) for i, each in enumerate(carriers)]
+    pairs = [
+        BodyPair(f"{body.name}/{name}", i, kind, index)
+        for kind, index, name in others
+        for i, body in enumerate(bodies)
+        if kind == "surface" or not {"", name} & {*body.holds}
+    ]
+    for (i, a), (j, b) in combinations(enumerate(bodies), 2):
+        neighbours = a.body == b.parent or b.body == a.parent
+        if a.agent != b.agent or (self_collision and not neighbours):
+            pairs.append(BodyPair(f"{a.name}/{b.name}", i, "body", j))
+    return tuple(each for each in pairs if each.name not in ignore)
+
+
+def speed_of(frame: CarriedFrame, reach: Scalar) -> Scalar:
+    """Largest speed (m/s) of any point within ``reach`` (m) of a body's origin."""
+    turning = sqrt(frame.turning.dot(frame.turning) + _TINY)
+    return sqrt(frame.velocity.dot(frame.velocity) + _TINY) + turning * reach
+
+
+def bare(shape: Surface | Collision, material: Material) -> Surface:
+    """Shape in its own axes, under a name that all have: equal ones share code."""
+    return Surface(
+        name="shape",
+        shape=shape.shape,
+        size=shape.size,
+        vertices=shape.vertices,
+        faces=shape.faces,
+        material=material,
+    )
+
+
+def part_of_vehicle(each: Collision, material: Material) -> Part:
+    """Shape of a vehicle as a part of its body, of a material."""
+    return Part(bare(each, material), each.rotation, each.position)
+
+
+def part_of(surface: Surface) -> Part:
+    """Surface of a movable body as a part of it."""
+    return Part(bare(surface, surface.material), surface.rotation, surface.position)
+
+
+def fixed_side(surface: Surface, clock: Scalar) -> Side:
+    """Surface of the world at a time (s) as a body."""
+    place, velocity = surface.place(clock)
+    return Side(
+        CarriedFrame(
+            position=place, rotation=surface.rotation, velocity=velocity, turning=ZERO3
+        ),
+        (Part(bare(surface, surface.material), Mat3.identity(), ZERO3),),
+    )
+
+
+def touch_of_bodies(record: Record) -> BodyTouch:
+    """Touch of two bodies; the shapes of the second have the material."""
+    # equal code for all pairs of equal shapes: the record's structure tells them apart
+    kinds = tuple(
+        (each.shape.shape, each.shape.faces)
+        for side in record[:2]
+        for each in side.parts
+    )
+    return compiled_once(
+        ("bodies", kinds, len(record[0].parts)), _where_near, record, any_numbers=True
+    )
+
+
+def _where_near(record: Record) -> BodyTouch:
+    """Touch of two bodies, whose places are computed where balls around them meet."""
+    a, b, bristle, *_ = record
+    reach = reduce(maximum, [each.reach for each in a.parts])
+    gap, speed = gap_of_ball(a.frame.position, reach, b)
+    apart = no_touch(bristle, -gap, speed_of(a.frame, reach) + speed)
+    return compute_where(gap < 0.0, _sum_over_places, record, apart)
+
+
+def no_touch(bristle: Vec3, depth: Scalar = -1e9, speed: Scalar = 0.0) -> BodyTouch:
+    """Touch of two bodies that are apart: their bristle stands up."""
+    return BodyTouch(
+        force=_NOTHING,
+        torque=_NOTHING,
+        back=_NOTHING,
+        normal=0.0,
+        place=_NOTHING,
+        depth=depth,
+        speed=speed,
+        bristle_rate=bristle * -RECOVERY,
+    )
+
+
+def gap_of_ball(centre: Vec3, reach: Scalar, side: Side) -> tuple[Scalar, Scalar]:
+    """Distance (m) of a ball from a body, or from the ball around that one, and the
+    largest speed (m/s) of the body's points.
+    """
+    shapes = [each.shape.shape for each in side.parts]
+    theirs: Scalar = 0.0
+    if shapes[0] not in HOLLOW:
+        theirs = reduce(maximum, [each.reach for each in side.parts])
+    speed = speed_of(side.frame, theirs)
+    if len(shapes) == 1 and shapes[0] != "hull":
+        return -side.parts[0].in_world(side.frame).skin(centre, reach)[0], speed
+    way = side.frame.position - centre
+    return sqrt(way.dot(way) + _TINY) - reach - theirs, speed
+
+
+def whole_ball(motion: PointMotion) -> tuple[Vec3, Scalar, Scalar]:
+    """Ball around the shapes of a vehicle in any pose of its joints.
+
+    Returns:
+        Centre (m, world axes), radius (m), and largest speed (m/s) of a point in it.
+    """
+    vehicle, state = motion.vehicle, motion.state
+    far = dict[int, Scalar]({BASE: 0.0})
+    for i, link in enumerate(vehicle.moving):
+        joint = link.joint
+        far[i] = far[link.parent] + sqrt(joint.position.dot(joint.position) + _TINY)
+        if joint.kind == "prismatic":
+            far[i] = far[i] + maximum(absolute(joint.lower), absolute(joint.upper))
+    reach: Scalar = 0.0
+    for each in vehicle.collisions:
+        part = part_of_vehicle(each, Material())
+        reach = maximum(reach, far[each.link] + part.reach)
+    speed = sqrt(state.velocity.dot(state.velocity) + _TINY)
+    speed = speed + reach * sqrt(state.rate.dot(state.rate) + _TINY)
+    rates = every_rate(vehicle, state.joint_rates)
+    for link, rate in zip(vehicle.moving, rates, strict=True):
+        lever = 1.0 if link.joint.kind == "prismatic" else reach
+        speed = speed + absolute(rate) * lever
+    return state.position, reach, speed
+
+
+@positional
+class Press:
+    """Normal forces between two shapes, summed over the places at which they touch.
+
+    Attributes:
+        force: sum, N. moment: sum of force times place, N m; second: of force times
+            squared distance from the first body's origin, N m^2.
+        push: sum of the force vectors on the first, N, world axes. torque: about the
+            first body's origin, N m.
+        depth: largest penetration, m. square: of the largest speed at which places
+            that touch move along each other, m^2/s^2.
+    """
+
+    force: Scalar
+    moment: Vec3
+    second: Scalar
+    push: Vec3
+    torque: Vec3
+    depth: Scalar
+    square: Scalar
+
+
+Shapes = tuple[PlacedShape, PlacedShape, CarriedFrame, CarriedFrame, Material, Scalar]
+"""Two shapes in the world, motions of their bodies, material, and time (s) over whose
+way the penetration is a mean."""
+
+
+def _press(record: Shapes) -> Press:
+    """Normal forces between two shapes; of shapes whose balls are apart only the depth,
+    as minus the distance of the balls.
+    """
+    a, b, *_ = record
+    if b.shape.shape in HOLLOW:
+        gap = -b.skin(a.position, a.shape.farthest)[0]
+    else:
+        way = b.position - a.position
+        both = a.shape.farthest + b.shape.farthest
+        gap = sqrt(way.dot(way) + _TINY) - both
+    apart = Press(0.0, _NOTHING, 0.0, _NOTHING, _NOTHING, -gap, 0.0)
+    return compute_where(gap < 0.0, _press_at_places, record, apart)
+
+
+def _press_at_places(record: Shapes) -> Press:
+    """Normal forces between two shapes."""
+    one, other, a, b, material, mean = record
+    force: Scalar = 0.0
+    second: Scalar = 0.0
+    square: Scalar = 0.0
+    moment = push = torque = ZERO3
+    depth: Scalar = -math.inf
+    for place, deep, normal in places(one, other):
+        slip = a.velocity_at(place) - b.velocity_at(place)
+        pressing = material.normal_force(deep, -slip.dot(normal), mean)
+        lever = place - a.position
+        vector = normal * pressing
+        force, push = force + pressing, push + vector
+        torque = torque + lever.cross(vector)
+        moment = moment + place * pressing
+        second = second + lever.dot(lever) * pressing
+        depth = maximum(depth, deep)
+        square = maximum(square, where(deep > 0.0, slip.dot(slip), 0.0))
+    # a component that is always zero is an int, which a loop does not carry
+    return as_data(Press(force, moment, second, push, torque, depth, square))
+
+
+def _sum_over_places(record: Record) -> BodyTouch:
+    """Touch of two bodies as the sum over their shapes.
+
+    Friction is that of the whole patch: one bristle bends along the mean plane by the
+    slip at the mean place, and along its normal by the spin times the root mean square
+    distance R of the places from there, so that one cone holds force and moment: an
+    ellipsoid as limit surface.
+
+    Source: Howe, Cutkosky 1996, Practical force-motion models for sliding
+    manipulation, eqs. (7) to (9).
+    """
+    a, b, bristle, step, mean, mass = record
+    material = b.parts[0].shape.material
+    total = [
+        compiled_once(
+            (
+                "shapes",
+                one.shape.shape,
+                one.shape.faces,
+                part.shape.shape,
+                part.shape.faces,
+            ),
+            _press,
+            (
+                one.in_world(a.frame),
+                part.in_world(b.frame),
+                a.frame,
+                b.frame,
+                material,
+                mean,
+            ),
+            any_numbers=True,
+        )
+        for one in a.parts
+        for part in b.parts
+    ]
+    normal = reduce(add, [each.force for each in total])
+    push = reduce(add, [each.push for each in total])
+    torque = reduce(add, [each.torque for each in total])
+    share = divide(1.0, normal + _TINY)
+    middle = reduce(add, [each.moment for each in total]) * share
+    lever = middle - a.frame.position
+    spread = reduce(add, [each.second for each in total]) * share - lever.dot(lever)
+    radius = sqrt(maximum(spread, 0.0) + _TINY)
+    axis = push * divide(1.0, sqrt(push.dot(push) + _TINY))
+    slip = a.frame.velocity_at(middle) - b.frame.velocity_at(middle)
+    spin = (a.frame.turning - b.frame.turning).dot(axis)
+    sliding = slip + axis * (spin * radius - axis.dot(slip))
+    friction = material.friction_force(
+        bristle, material.bending_rate(bristle, sliding), normal, mass
+    )
+    twisting = axis.dot(friction)
+    drag = friction - axis * twisting
+    force = push + drag
+    torque = torque + lever.cross(drag) + axis * (twisting * radius)
+    depth = reduce(maximum, [each.depth for each in total])
+    fastest = reduce(maximum, [each.square for each in total])
+    return as_data(
+        BodyTouch(
+            force=force,
+            torque=torque,
+            back=-torque - (a.frame.position - b.frame.position).cross(force),
+            normal=normal,
+            place=middle,
+            depth=depth,
+            speed=sqrt(fastest + _TINY),
+            bristle_rate=material.bristle_rate(bristle, sliding, depth, step),
+        )
+    )
