@@ -22,8 +22,9 @@ from skyarm.plant.mujoco_model import joint_addresses
 from skyarm.records.leaves import leaves
 from skyarm.vehicle import VehicleError
 from skyarm.vehicle.linkage import Follower
-from skyarm.vehicle.vehicle_files import load_vehicle
-from skyarm.vehicle.vehicle_records import BodyDrag
+from skyarm.vehicle.vehicle_files import load_vehicle, load_with_bodies
+from skyarm.vehicle.vehicle_records import BodyDrag, Collision
+from skyarm.world.contact.surface import rotation_of
 from support.commands import skyarm as typed
 from support.vehicles import (
     HOVER,
@@ -294,3 +295,49 @@ def test_an_inertial_unit_of_a_scenario_is_a_site_with_its_sensors(tmp_path):
         data.site("imu").xmat.reshape(3, 3), R.as_matrix(), atol=1e-5
     )
     assert model.sensor("imu_acc").type[0] == mujoco.mjtSensor.mjSENS_ACCELEROMETER
+
+
+def test_stated_shapes_are_exported_and_read_back_where_they_are(tmp_path):
+    tilt = Vec3(0.1, 0.2, 0.3)
+    corners = tuple(
+        Vec3(x, y, z) for x in (-0.1, 0.1) for y in (-0.2, 0.2) for z in (0.0, 0.3)
+    )
+    sizes = {
+        "sphere": (0.1,),
+        "capsule": (0.1, 0.3),
+        "box": (0.1, 0.2, 0.3),
+        "cylinder": (0.1, 0.2),
+        "hull": (),
+    }
+    shapes = tuple(
+        Collision(
+            name=shape,
+            link=i % 2 - 1,
+            position=tilt * float(i),
+            rotation=rotation_of(tilt),
+            shape=shape,
+            size=size,
+            vertices=() if size else corners,
+        )
+        for i, (shape, size) in enumerate(sizes.items())
+    )
+    vehicle = replace(hummingbird_arm(), collisions=shapes)
+    text = mjcf_text(vehicle, collisions=True)
+    model = mujoco.MjModel.from_xml_string(text)
+    # the drawn shapes touch nothing
+    assert model.geom_contype.sum() == len(shapes)
+    (tmp_path / "v.xml").write_text(text)
+    read = load_with_bodies(str(tmp_path / "v.xml"), "file")[0].collisions
+    for each in read:
+        own = next(k for k in shapes if k.shape == each.shape)
+        assert each.link == own.link
+        assert each.size == pytest.approx(own.size, rel=1e-6)
+
+        def places(k):
+            points = np.array([tuple(v) for v in k.vertices or (Vec3(0.0, 0.0, 0.1),)])
+            return np.sort(points @ np.array(k.rotation).T + np.array(k.position), 0)
+
+        assert places(each) == pytest.approx(places(own), abs=1e-6)
+    assert len(read) == len(shapes)
+    none = mujoco.MjModel.from_xml_string(mjcf_text(vehicle))
+    assert none.ngeom == model.ngeom - len(shapes)

@@ -45,6 +45,7 @@ from skyarm.plant.loads import (
     rigid_loads,
     with_equivalent_rotors,
 )
+from skyarm.plant.mujoco_geoms import Geoms
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_loads import Coupling, Loads
 from skyarm.plant.mujoco_model import add_vehicle, body_name, build_spec
@@ -187,7 +188,8 @@ class MujocoPlant:
         ):
             add_vehicle(spec, vehicle, held, prefix)
         self._welds = [
-            Welds(spec, vehicles, prefixes, around) for _ in closed_contacts(around)
+            (Geoms if contact.geoms else Welds)(spec, vehicles, prefixes, around)
+            for contact, _ in closed_contacts(around)
         ]
         with QUIET, warnings.catch_warnings():
             # of masses beyond measure, whose flight ends as diverged

@@ -25,12 +25,22 @@ from skyarm.dynamics.actuators.rotor import push
 from skyarm.dynamics.kinematics import every_joint, every_rate
 from skyarm.dynamics.state import State, example_state
 from skyarm.dynamics.workspace import nearest_to_zero
-from skyarm.plant.mujoco_model import build_spec, joint_addresses, site_of_rotor
+from skyarm.plant.mujoco_model import (
+    COLORS,
+    DRAWN,
+    TOUCHING,
+    add_geom,
+    body_name,
+    build_spec,
+    joint_addresses,
+    site_of_rotor,
+)
 from skyarm.records.arrays import Array
 from skyarm.vehicle import Rotor, Vehicle
 from skyarm.vehicle.check import unused_name
 from skyarm.vehicle.robot_text import actuator_names, render_vehicle
 from skyarm.vehicle.vehicle_records import require_plant
+from skyarm.world.scene.shapes import in_place, solid_shape
 
 START = "start"
 """Name of the keyframe of the initial state, rotors in hover."""
@@ -61,19 +71,26 @@ def mjcf_text(
             or at the limit next to it.
         timestep: s.
         inertial: frames of the vehicle with a gyroscope and an accelerometer.
-        collisions: the shapes touch the floor and other bodies, not each other.
+        collisions: the shapes touch the floor and other bodies, not each other: those
+            that the vehicle states for it, else those that draw it.
 
     Raises:
         VehicleError: no real body.
     """
     require_plant(vehicle)
     taken = [name for each in vehicle.moving for name in (each.name, each.joint.name)]
+    spec = build_spec(vehicle, gravity)
+    for each in vehicle.collisions if collisions else ():
+        shape = in_place(solid_shape(each, each.name, "link", each.link), each)
+        body = spec.body(body_name(vehicle, each.link))
+        add_geom(spec, body, shape, rgba=COLORS["link"], group=TOUCHING)
     values = {
-        "spec": build_spec(vehicle, gravity),
+        "spec": spec,
         "gravity": gravity,
         "timestep": timestep,
         "inertial": inertial,
         "collisions": collisions,
+        "touching": TOUCHING if vehicle.collisions else DRAWN,
         "joints": {link.joint.name: link.joint for link in vehicle.moving},
         "rotor_at": dict(zip(site_of_rotor(vehicle), vehicle.rotors, strict=True)),
         "actuators": actuator_names(vehicle),

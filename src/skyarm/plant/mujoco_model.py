@@ -5,15 +5,18 @@ forces.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
 
-from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra import Mat3
 from skyarm.records.arrays import Array, float_array
 from skyarm.vehicle import BASE, Body, Joint, Vehicle
 from skyarm.vehicle.check import unused_name
+from skyarm.vehicle.description import Matrix, turn_onto
 from skyarm.world import TimedPayload
+from skyarm.world.scene.shapes import Shape
 from skyarm.world.scene.vehicle_shapes import vehicle_shapes
 
 INTEGRATORS = {
@@ -35,8 +38,14 @@ KINDS = {
     "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
     "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
     "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+    "box": mujoco.mjtGeom.mjGEOM_BOX,
+    "plane": mujoco.mjtGeom.mjGEOM_PLANE,
+    "hull": mujoco.mjtGeom.mjGEOM_MESH,
 }
 """Kind of a shape -> MuJoCo's geometry, which takes half lengths."""
+
+DRAWN, TOUCHING = 1, 3
+"""Groups of geoms: the drawn shapes, and those that a vehicle states for contacts."""
 
 _GREY, _DARK, _BLUE = (
     (0.6, 0.6, 0.62, 1.0),
@@ -126,7 +135,7 @@ def add_vehicle(
         bodies[i] = bodies[link.parent].add_body(
             name=prefix + body_name(vehicle, i),
             pos=float_array(at.position),
-            quat=_quaternion(at.rotation),
+            quat=quaternion_of(at.rotation),
         )
         _add_joint(bodies[i], at, prefix)
         _give_inertia(bodies[i], link.body)
@@ -135,7 +144,7 @@ def add_vehicle(
         place = grasp.position + grasp.rotation.apply(load.com)
         name = prefix + load_name(i)
         body = bodies[grasp.link].add_body(
-            name=name, pos=float_array(place), quat=_quaternion(grasp.rotation)
+            name=name, pos=float_array(place), quat=quaternion_of(grasp.rotation)
         )
         body.explicitinertial = True
         body.mass = 0.0
@@ -143,7 +152,8 @@ def add_vehicle(
         body.ipos = np.zeros(3)
         body.iquat = np.array([1.0, 0.0, 0.0, 0.0])
     _add_sites(vehicle, bodies, prefix)
-    _add_shapes(vehicle, bodies)
+    for shape in vehicle_shapes(vehicle, meshes=False):
+        add_geom(spec, bodies[shape.body], shape, rgba=COLORS[shape.role], group=DRAWN)
 
 
 def free_name(vehicle: Vehicle) -> str:
@@ -217,7 +227,7 @@ def _give_inertia(body: mujoco.MjsBody, source: Body) -> None:
     body.mass = max(float(source.mass), LEAST)
     body.ipos = float_array(source.com)
     body.inertia = moments
-    body.iquat = _mat2quat(axes)
+    body.iquat = quaternion_of(axes)
 
 
 def _add_sites(
@@ -228,45 +238,48 @@ def _add_sites(
         bodies[frame.link].add_site(
             name=prefix + frame.name,
             pos=float_array(frame.position),
-            quat=_quaternion(frame.rotation),
+            quat=quaternion_of(frame.rotation),
             size=[0.005] * 3,
         )
     for rotor, name in zip(vehicle.rotors, site_of_rotor(vehicle), strict=True):
-        at, along = float_array(rotor.position), _along(rotor.axis)
-        bodies[BASE].add_site(name=prefix + name, pos=at, quat=along, size=[0.005] * 3)
-
-
-def _add_shapes(vehicle: Vehicle, bodies: dict[int, mujoco.MjsBody]) -> None:
-    """Add the visual shapes of the vehicle, without mass and contact."""
-    for shape in vehicle_shapes(vehicle, meshes=False):
-        kind = KINDS[shape.kind]
-        half_length = shape.kind in ("capsule", "cylinder")
-        size = (shape.size[0], 0.5 * shape.size[1]) if half_length else shape.size
-        bodies[shape.body].add_geom(
-            type=kind,
-            size=[*size, 0.0, 0.0][:3],
-            pos=shape.position,
-            quat=_mat2quat(np.array(shape.rotation)),
-            rgba=COLORS[shape.role],
-            contype=0,
-            conaffinity=0,
-            mass=0.0,
-            group=1,
+        bodies[BASE].add_site(
+            name=prefix + name,
+            pos=float_array(rotor.position),
+            quat=quaternion_of(turn_onto(rotor.axis)),
+            size=[0.005] * 3,
         )
 
 
-def _quaternion(R: Mat3) -> Array:
-    return _mat2quat(np.array(R))
+def add_geom(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Shape, **words: Any
+) -> mujoco.MjsGeom:
+    """Add a shape to a body, without mass, and without contacts that MuJoCo chooses."""
+    geom = body.add_geom(
+        type=KINDS[shape.kind],
+        size=[*half_lengths(shape), 0.0, 0.0][:3],
+        pos=shape.position,
+        quat=quaternion_of(shape.rotation),
+        contype=0,
+        conaffinity=0,
+        mass=0.0,
+        **words,
+    )
+    if shape.kind == "hull":
+        name = f"mesh {len(spec.meshes)}"
+        geom.meshname = spec.add_mesh(name=name, uservert=shape.size).name
+    return geom
 
 
-def _mat2quat(R: Array) -> Array:
+def half_lengths(shape: Shape) -> tuple[float, ...]:
+    """Size of a shape as MuJoCo has it, m."""
+    if shape.kind in ("capsule", "cylinder"):
+        return shape.size[0], 0.5 * shape.size[1]
+    # a plane without end has a grid alone
+    return shape.size or (0.0, 0.0, 1.0)
+
+
+def quaternion_of(R: Mat3 | Matrix | Array) -> Array:
+    """Quaternion w x y z of a rotation matrix."""
     quaternion = np.zeros(4)
-    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(R).ravel())
-    return quaternion
-
-
-def _along(axis: Vec3) -> Array:
-    """Quaternion that rotates the z axis onto a given axis."""
-    quaternion = np.zeros(4)
-    mujoco.mju_quatZ2Vec(quaternion, float_array(axis))
+    mujoco.mju_mat2Quat(quaternion, np.array(R, dtype=float).ravel())
     return quaternion

@@ -55,11 +55,15 @@ TORQUE_SCALE = 10
 
 
 def closed_contacts(around: Together) -> list[tuple[ClosedContact, ContactMemory]]:
-    """Contact model whose grasps the plant closes, with its internal state; empty
-    without any.
+    """Contact model whose grasps the plant closes, or whose forces it finds, with its
+    internal state; else empty.
     """
     pairs = zip(around.components, around.memories, strict=True)
-    return [pair for pair in pairs if getattr(pair[1], "constraints", ())]  # type: ignore[misc]
+    return [
+        pair  # type: ignore[misc]
+        for pair in pairs
+        if getattr(pair[1], "constraints", ()) or getattr(pair[0], "geoms", False)
+    ]
 
 
 def object_forces(around: Together, motions: Sequence[PointMotion]) -> list[Scalar]:
@@ -113,7 +117,8 @@ class Welds:
         bodies = ours.carried[: len(objects)]
         poses = tuple((each.position, each.attitude) for each in bodies)
         moving = tuple((each.velocity, each.rate) for each in bodies)
-        parts = poses, moving, ours.constraints, ours.turns
+        forces = ours.constraints, ours.touches
+        parts = poses, moving, forces, ours.turns
         self.poses, self.moving, self.forces, self._turns = (
             np.array(leaves(part), dtype=int) for part in parts
         )
@@ -165,13 +170,17 @@ class Welds:
             model.body_invweight0[self._bodies]
             + model.body_invweight0[model.site_bodyid[model.eq_obj1id]]
         ).T
-        K, D, radius, self._release = np.array(
-            [
-                (each.stiffness, each.damping, each.radius, each.release)
-                for each in self._grasps
-            ],
-            dtype=float,
-        ).T
+        K, D, radius, self._release = (
+            np.array(
+                [
+                    (each.stiffness, each.damping, each.radius, each.release)
+                    for each in self._grasps
+                ],
+                dtype=float,
+            )
+            .reshape(-1, 4)
+            .T
+        )
         model.eq_solref[:] = -(1.0 - IMPEDANCE) * (A * (K, D)).T
         model.eq_data[:, TORQUE_SCALE] = 2.0 * radius * np.sqrt(turning / A)
 
@@ -197,8 +206,10 @@ class Welds:
         """Write the objects' states, given the numbers of the coupled memories, into
         MuJoCo's data.
         """
-        self._data.qpos[-len(self.poses) :] = memory[self.poses]
-        self._data.qvel[-len(self.moving) :] = memory[self.moving]
+        # from the front: of no objects there is no last number
+        data = self._data
+        data.qpos[len(data.qpos) - len(self.poses) :] = memory[self.poses]
+        data.qvel[len(data.qvel) - len(self.moving) :] = memory[self.moving]
 
     def wrenches(self) -> list[float]:
         """Torque (N m) and force (N) of each constraint on its object at the grasp,
