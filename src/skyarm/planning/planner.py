@@ -276,6 +276,7 @@ def placeholder(k: int, obstacle: Surface) -> Surface:
         shape=obstacle.shape,
         # no zeros and no equal sizes, since the trace would take them for structure
         size=tuple(1.0 + 0.1 * i for i, _ in enumerate(obstacle.size)),
+        vertices=obstacle.vertices,
         position=Vec3(0.5, 0.25, 0.125),
         angles=Vec3(0.5, 0.25, 0.125),
     )

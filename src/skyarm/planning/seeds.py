@@ -46,9 +46,7 @@ def free_distance(obstacles: Sequence[Surface], points: Array) -> Array:
     best = np.full(points.shape[:-1], math.inf)
     for each in obstacles:
         place = Vec3(points[..., 0], points[..., 1], points[..., 2])
-        gap = surface_distance(
-            Volume("ball", BASE, place, place, 0.0, 0, E_Z), each, 0.0
-        )
+        gap = surface_distance(Volume("ball", BASE, (place,), 0.0, 0, E_Z), each, 0.0)
         best = np.minimum(best, np.broadcast_to(doubles(gap), best.shape))
     return best
 

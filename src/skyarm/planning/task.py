@@ -64,6 +64,7 @@ from skyarm.vehicle import Vehicle
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import require_plant, undriven_joints
 from skyarm.world.contact.surface import Surface
+from skyarm.world.contact.surface_files import with_bodies
 
 
 class TaskError(ValueError):
@@ -497,7 +498,7 @@ def task_from(table: object, folder: Path = Path()) -> Task:
 
     Args:
         table: as read from TOML.
-        folder: where paths of vehicles begin.
+        folder: where paths of vehicles and bodies begin.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -513,6 +514,8 @@ def task_from(table: object, folder: Path = Path()) -> Task:
         and os.path.isfile(folder / name)
     ):
         own["vehicle"] = str(folder / name)
+    if "world" in own:
+        own["world"] = with_bodies(own["world"], folder)
     return record_from(Task, Fields(own, ""))
 
 

@@ -275,7 +275,8 @@ def test_statuses_are_those_of_single_runs_in_their_order() -> None:
         for x, goal in zip(states.tolist(), goals.tolist(), strict=True)
     ]
     named = [ending.status if ending else "completed" for ending in wanted]
-    assert set(named) == set(STATUSES) - {PHASE_FAILED}
+    # this vehicle has no shapes that may collide
+    assert set(named) == set(STATUSES) - {PHASE_FAILED, "collision"}
     state = rebuild(first_state(scenario), iter(list(states.T)))
     assert (
         statuses(

@@ -5,12 +5,14 @@ sees their poses.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from skyarm.algebra import Vec3
 from skyarm.view.film.camera_paths import CAMERAS
 from skyarm.view.film.filmed_flight import FilmedFlight, film_flights
 from skyarm.view.film.make_film import FilmSettings, film_frames, make_film
@@ -21,7 +23,8 @@ from skyarm.view.picture.mujoco_sink import (
     FramePanel,
     open_stage,
 )
-from skyarm.world.scene.shapes import Shape, Solid
+from skyarm.world.contact.surface import Surface
+from skyarm.world.scene.shapes import Shape, Solid, solid_shape
 from support.pictures import flight, needs_display
 
 pytestmark = needs_display
@@ -242,9 +245,26 @@ def test_fine_pictures_have_shadows_and_smooth_edges() -> None:
     )
 
 
-def test_each_solid_with_a_mesh_has_its_own_in_the_picture() -> None:
-    """A wide ring on the left, a narrow one on the right: a third as wide, so a ninth
-    of the pixels.
+def ring(outer: float) -> Shape:
+    """A plate with a hole."""
+    size = (0.01, 0.02, 0.002, outer, 0.03)
+    return Shape(name=str(outer), role="object", kind="hole", body=0, size=size)
+
+
+def octahedron(reach: float) -> Shape:
+    """A hull with corners on its axes."""
+    corners = np.vstack([np.eye(3), -np.eye(3)]) * reach
+    vertices = tuple(map(Vec3.from_numbers, corners))
+    it = Surface(name=str(reach), shape="hull", vertices=vertices)
+    return solid_shape(it, str(reach), "object", 0)
+
+
+@pytest.mark.parametrize("shape_of", [ring, octahedron])
+def test_each_solid_with_a_mesh_has_its_own_in_the_picture(
+    shape_of: Callable[[float], Shape],
+) -> None:
+    """A wide one on the left, a narrow one on the right: a third as wide, so a ninth of
+    the pixels.
     """
     (one,) = filmed("paper_pd")
     path = CAMERAS["fixed"]([one], TIMES, WIDTH / HEIGHT)
@@ -252,19 +272,12 @@ def test_each_solid_with_a_mesh_has_its_own_in_the_picture() -> None:
     right = np.array([np.sin(az), -np.cos(az), 0.0])
     rings = []
     for sign, outer in ((-1.0, 0.24), (1.0, 0.08)):
-        shape = Shape(
-            name=str(outer),
-            role="object",
-            kind="hole",
-            body=0,
-            size=(0.01, 0.02, 0.002, outer, 0.03),
-        )
         place = np.repeat(
             (path.look_at[0] + sign * 0.3 * right)[None], len(TIMES), axis=0
         )
         rings.append(
             Solid(
-                shape,
+                shape_of(outer),
                 place,
                 np.repeat(np.eye(3)[None], len(TIMES), axis=0),
                 (1.0, 0.0, 0.0, 1.0),

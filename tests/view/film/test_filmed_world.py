@@ -196,19 +196,22 @@ def test_a_recording_has_the_world_and_shows_a_force_while_it_acts() -> None:
 
     from skyarm.view.film.recording import record
 
-    messages = unpacked(record(touching(), FilmSettings(fps=20)).content)["messages"]
+    recording = unpacked(record(touching(), FilmSettings(fps=20)).content)
+    messages = recording["messages"]
     root = "/flight1/solids/world"
     np.testing.assert_allclose(
         place_at(messages, f"{root}/wall", "SetPositionMessage", "position", 0.0),
         [0.29, 0.0, 0.45],
         atol=1e-4,
     )
-    (box,) = [
-        m["props"]["dimensions"]
+    (sent,) = [
+        m["props"]["vertices"]
         for _, m in messages
-        if m["type"] == "BoxMessage" and m["name"].endswith("wall")
+        if m["type"] == "MeshMessage" and m["name"].endswith("wall")
     ]
-    np.testing.assert_allclose(box, [0.1, 2.0, 0.9])
+    (index,) = (each for each in sent.values() if type(each) is int)
+    corners = np.frombuffer(recording["buffers"][index], np.float32).reshape(-1, 3)
+    np.testing.assert_allclose(np.ptp(corners, axis=0), [0.1, 2.0, 0.9], rtol=1e-6)
     for k in (0, 10, 23):
         height = np.interp(k / 20, touching().time, touching().object_position[:, 2])
         place = place_at(

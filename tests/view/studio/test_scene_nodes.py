@@ -18,6 +18,7 @@ from skyarm.world.scene.scene import Instants
 from skyarm.world.scene.shapes import Shape, Solid
 from skyarm.world.scene.vehicle_shapes import place
 from skyarm.world.timed_payload import TimedPayload
+from support.mujoco_shapes import boxed
 from support.peers import Scene
 
 PAINT = tones_of((10, 20, 30))
@@ -133,3 +134,11 @@ def test_a_solid_at_the_world_origin_is_drawn_there_at_any_place_in_its_body() -
         [Solid(shape, np.zeros((1, 3)), np.eye(3)[None])]
     )
     assert nodes.nodes["/loads/box"].position.tolist() == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("wires", [0.0, 0.2])
+def test_every_shape_that_touches_is_a_node_of_its_body(wires: float) -> None:
+    vehicle, scene = boxed(), Scene()
+    VehicleNodes(scene, "/law1", vehicle, PAINT, wires=wires)
+    for each in vehicle.collisions:
+        assert f"/law1/{each.link}/touch/{each.name}" in scene.nodes

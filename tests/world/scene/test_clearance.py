@@ -22,6 +22,7 @@ from skyarm.compile.tracing.lower import live, operations
 from skyarm.compile.tracing.tracer import Graph
 from skyarm.plant.mujoco_model import build_spec, joint_addresses
 from skyarm.reference.signals import Ramp
+from skyarm.vehicle.description import turn_onto
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world.contact.surface import Surface, rotation_of
@@ -33,7 +34,6 @@ from skyarm.world.scene.clearance import (
     surface_distance,
     volumes,
 )
-from skyarm.world.scene.shapes import turn_onto
 from skyarm.world.scene.vehicle_shapes import vehicle_shapes
 from skyarm.world.signal_vector import SignalVector
 
@@ -60,7 +60,7 @@ def vec(v: np.ndarray) -> Vec3:
 
 
 def capsule(a: np.ndarray, b: np.ndarray, radius: float) -> Volume:
-    return Volume("rod", BASE, vec(a), vec(b), radius)
+    return Volume("rod", BASE, (vec(a), vec(b)), radius)
 
 
 @dataclasses.dataclass
@@ -188,7 +188,7 @@ def test_rods_and_discs_are_as_far_from_each_other_as_coal_has_them(
             expected, abs=1e-9
         )
         axis = (d - c) / np.linalg.norm(d - c)
-        disc = Volume("disc", BASE, vec(c), vec(c), 0.02, 0.3, vec(axis))
+        disc = Volume("disc", BASE, (vec(c),), 0.02, 0.3, vec(axis))
         pose = oracle.coal.Transform3s(np.array(turn_onto(tuple(axis))), c)
         expected = oracle.distance(rod, (oracle.coal.Cylinder(0.3, 1e-9), pose)) - 0.02
         # coal takes the flat disc for a thick one where the rod's axis passes through
@@ -217,7 +217,7 @@ def test_a_disc_is_at_least_as_far_from_a_surface_as_it_says(
             - 0.02
         )
         found = surface_distance(
-            Volume("disc", BASE, vec(c), vec(c), 0.02, 0.3, vec(axis)), surface, 0.0
+            Volume("disc", BASE, (vec(c),), 0.02, 0.3, vec(axis)), surface, 0.0
         )
         if expected > -0.02:
             assert found <= expected + 1e-6
@@ -248,8 +248,7 @@ def test_special_positions_at_a_box_have_a_distance_and_a_finite_derivative(
     assert surface_distance(rod, box, 0.0) == pytest.approx(expected, abs=1e-11)
     moved = dataclasses.replace(
         rod,
-        start=Vec3(*(Taylor((c, 1.0)) for c in rod.start)),
-        end=Vec3(*(Taylor((c, 1.0)) for c in rod.end)),
+        points=tuple(Vec3(*(Taylor((c, 1.0)) for c in point)) for point in rod.points),
     )
     assert (
         abs(nth_derivative(surface_distance(moved, box, 0.0), 1))
@@ -269,12 +268,12 @@ def test_derivatives_of_a_rod_near_and_in_a_surface_are_central_differences(
             for t in (0.0, h, -h)
         )
         moved = capsule(a, b, radius)
-        start, end = (
+        points = tuple(
             Vec3(*(Taylor((c, dc)) for c, dc in zip(p, dp, strict=True)))
-            for p, dp in ((moved.start, da), (moved.end, db))
+            for p, dp in zip(moved.points, (da, db), strict=True)
         )
         series = surface_distance(
-            dataclasses.replace(moved, start=start, end=end), surface, 0.0
+            dataclasses.replace(moved, points=points), surface, 0.0
         )
         assert nth_derivative(series, 0) == pytest.approx(here, abs=1e-12)
         if here > -radius or shape != "cylinder":
@@ -289,7 +288,7 @@ def test_second_derivative_of_distance_from_edge_is_that_of_hypotenuse() -> None
         capsule(np.zeros(3), np.ones(3), 0.0),
     )
     x, y = Taylor((0.5, 1.0, 0.0)), Taylor((0.6, 0.0, 0.0))
-    upright = dataclasses.replace(rod, start=Vec3(x, y, -0.2), end=Vec3(x, y, 0.3))
+    upright = dataclasses.replace(rod, points=(Vec3(x, y, -0.2), Vec3(x, y, 0.3)))
     # sqrt(u^2 + v^2)'' = v^2 / (u^2 + v^2)^(3/2) along u
     found = nth_derivative(surface_distance(upright, box, 0.0), 2)
     assert found == pytest.approx(0.4**2 / math.hypot(0.3, 0.4) ** 3, rel=1e-9)
@@ -302,7 +301,7 @@ def test_the_nearest_point_slides_in_second_derivatives() -> None:
     )
     x = Taylor((0.3, 1.0, 0.0))
     slanted = dataclasses.replace(
-        rod, start=Vec3(x - 2.0, -2.0, 0.4), end=Vec3(x + 2.0, 2.0, 0.4)
+        rod, points=(Vec3(x - 2.0, -2.0, 0.4), Vec3(x + 2.0, 2.0, 0.4))
     )
     # a straight line passes at hypot(x / sqrt(2), 0.4), whose second derivative is that
     # of a hypotenuse
@@ -346,7 +345,8 @@ def test_parallel_and_touching_rods_have_a_distance_and_a_finite_derivative() ->
             expected, abs=1e-11
         )
         moved = dataclasses.replace(
-            other, start=other.start + Vec3(0, 0, Taylor((0.0, 1.0)))
+            other,
+            points=(other.points[0] + Vec3(0, 0, Taylor((0.0, 1.0))), other.points[1]),
         )
         assert math.isfinite(
             nth_derivative(pair_distance(rod(0.0, 0.0, 1.0), moved), 1)

@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.log.tip_positions import tip
-from skyarm.world.scene.shapes import Shape, mesh_of, turn_onto
+from skyarm.vehicle.description import turn_onto
+from skyarm.world.scene.shapes import Shape, mesh_of
 from skyarm.world.scene.vehicle_shapes import body_poses, place, quaternions_of
 
 RNG = np.random.default_rng(7)

@@ -10,14 +10,16 @@ import math
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from skyarm import load_vehicle
 from skyarm.algebra import Vec3
 from skyarm.plant.mujoco_model import build_spec, joint_addresses
+from skyarm.vehicle.description import turn_onto
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_files import list_vehicles
-from skyarm.vehicle.vehicle_records import Frame, Vehicle
-from skyarm.world.scene.shapes import ROLES, Shape, shape_between, turn_onto
+from skyarm.vehicle.vehicle_records import Collision, Frame, Vehicle
+from skyarm.world.scene.shapes import ROLES, Shape, mesh_of, shape_between
 from skyarm.world.scene.vehicle_shapes import (
     PAYLOAD_DENSITY,
     body_poses,
@@ -26,6 +28,7 @@ from skyarm.world.scene.vehicle_shapes import (
     rotor_radius,
     vehicle_shapes,
 )
+from support.mujoco_shapes import boxed
 
 NAMES = list_vehicles()
 
@@ -172,3 +175,41 @@ def test_a_tip_on_the_base_moves_with_the_base(arm: bool) -> None:
         vehicle, (1.0, 2.0, 3.0), (half, half, 0.0, 0.0), (0.3, -0.7) if arm else ()
     )
     assert [float(c) for c in placed.tip] == pytest.approx([1.0, 2.06, 3.1], abs=1e-12)
+
+
+def test_shapes_that_touch_are_drawn_in_place_of_rods() -> None:
+    vehicle = boxed()
+    shapes = {each.name: each for each in vehicle_shapes(vehicle)}
+    bare = dataclasses.replace(vehicle, collisions=())
+    plain = {each.name for each in vehicle_shapes(bare)}
+    # one link has a shape of each kind that the base has not
+    assert plain - set(shapes) == {"hull", "link/link1/joint2", "link/link2/tip"}
+    names = [each.name for each in vehicle.collisions]
+    assert set(shapes) - plain == {f"touch/{name}" for name in names}
+    for each in vehicle.collisions:
+        shape = shapes[f"touch/{each.name}"]
+        assert (shape.kind, shape.body) == (each.shape, each.link)
+        assert shape.role == ("hull" if each.link == BASE else "link")
+        vertices, faces = mesh_of(shape)
+        a, b, c = (vertices[faces[:, i]] for i in range(3))
+        held = float((a * np.cross(b, c)).sum() / 6.0)
+        assert 0.94 * volume(each) < held < (1.0 + 1e-12) * volume(each)
+        middle = np.array(each.rotation) @ middle_of(each) + np.array(each.position)
+        assert 0.5 * (vertices.min(0) + vertices.max(0)) == pytest.approx(middle)
+    assert vehicle_shapes(vehicle, meshes=False) == vehicle_shapes(bare, meshes=False)
+
+
+def volume(each: Collision) -> float:
+    """Volume (m^3) by closed forms and Qhull."""
+    size = each.size
+    if each.shape == "hull":
+        return float(ConvexHull(np.array(each.vertices)).volume)
+    if each.shape == "box":
+        return float(np.prod(size))
+    ball = 4.0 / 3.0 * size[0] if each.shape == "capsule" else 0.0
+    return math.pi * size[0] ** 2 * (size[1] + ball)
+
+
+def middle_of(each: Collision) -> np.ndarray:
+    corners = np.array(each.vertices or [[0.0, 0.0, 0.0]])
+    return np.asarray(0.5 * (corners.min(0) + corners.max(0)))

@@ -14,9 +14,10 @@ import numpy as np
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Motion
 from skyarm.dynamics.actuators import make_mixer
+from skyarm.dynamics.workspace import joint_range
 from skyarm.records.arrays import Array, Mask, doubles, stack_values
 from skyarm.records.immutable import immutable, positional
-from skyarm.vehicle import Joint, Vehicle
+from skyarm.vehicle import Vehicle
 from skyarm.vehicle.vehicle_records import undriven_joints
 
 WRENCH = 4
@@ -378,25 +379,6 @@ def _at_rest_anywhere(vehicle: Vehicle, rest: Array) -> Mask:
         [_lowest(vehicle, each, i)[0] == each[0, i] for i, each in enumerate(turned)],
         dtype=bool,
     )
-
-
-def joint_range(joint: Joint) -> tuple[float, float]:
-    """Range of a joint to sample: its limits, or one turn about zero for a joint that
-    turns further.
-    """
-    # a slide has no turn that shows every pose: 1 m is chosen, far beyond those of the
-    # shipped vehicles, which end at 0.12 m
-    free = math.pi if joint.turns else 1.0
-    low, high = joint.ends
-    if math.isinf(low):
-        low = min(-free, high - free)
-    if math.isinf(high):
-        high = max(free, low + free)
-    if joint.turns and high - low > 2.0 * free:
-        # one turn has every pose: the one about zero, moved as far as limits demand
-        middle = min(max(0.0, low + free), high - free)
-        return middle - free, middle + free
-    return low, high
 
 
 def _coordinates(count: int, dimension: int, rng: np.random.Generator) -> Array:

@@ -42,7 +42,7 @@ from skyarm.studies.assess.finding import (
     worst_level,
 )
 from skyarm.studies.assess.flight_loads import flight_parts
-from skyarm.studies.assess.joints import arm_workspace, joint_torques
+from skyarm.studies.assess.joints import arm_workspace, joint_torques, own_collision
 from skyarm.studies.assess.layout import (
     disc_loading,
     links_like_rotors,
@@ -390,7 +390,8 @@ def _vehicle_findings(poses: ArmPoses, payload: float, file: str) -> list[Findin
         for loaded in loads
         for each in time_aloft(loaded.vehicle, gravity, loaded.held)
     ]
-    return [*findings, *arm_workspace(poses), *endurance, *_meshes(vehicle)]
+    arm = [*arm_workspace(poses), *own_collision(poses)]
+    return [*findings, *arm, *endurance, *_meshes(vehicle)]
 
 
 def _meshes(vehicle: Vehicle) -> list[Finding]:

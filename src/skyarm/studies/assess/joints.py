@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
+from skyarm.algebra import ZERO3, Mat3
 from skyarm.dynamics.actuators.servo import Servo
 from skyarm.dynamics.kinematics import Pose, link_poses
 from skyarm.records.arrays import Array, Mask, stack_values
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses
+from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses, in_parts
 from skyarm.studies.assess.finding import (
     FAULT,
     NOTE,
@@ -23,6 +25,7 @@ from skyarm.studies.assess.finding import (
     at_most,
 )
 from skyarm.vehicle import BASE, Vehicle
+from skyarm.world.scene.clearance import clearances
 
 NOTHING = 1e-12
 """Effort (N m or N) below which a value is rounding."""
@@ -182,6 +185,40 @@ def arm_workspace(poses: ArmPoses) -> list[Finding]:
         f"{c} {a:.3g} ... {b:.3g}" for c, a, b in zip("xyz", low, high, strict=True)
     )
     return [Finding("workspace", OK, f"tip in base axes: {box} m", "frames")]
+
+
+OWN = "distance of own shapes"
+"""Name of the question about shapes of a vehicle that may touch each other."""
+
+SEARCHED = 3
+"""Number of pairs of own shapes, the nearest ones in the sampled poses, for which a
+worse pose is searched."""
+
+
+def own_collision(poses: ArmPoses) -> list[Finding]:
+    """Note on the arm pose in which two shapes of a vehicle overlap most, or are
+    nearest; empty without such shapes.
+    """
+    vehicle = poses.vehicle
+    near = clearances(vehicle)
+    if not (vehicle.collisions and near.pairs):
+        return []
+
+    def gaps(joints: Array) -> Array:
+        rows = near.distances(ZERO3, Mat3.identity(), tuple(joints.T))
+        return stack_values(len(joints), rows)
+
+    closest = in_parts(gaps, poses.joints).min(axis=1).argsort()[:SEARCHED]
+    near = replace(near, pairs=tuple(near.pairs[i] for i in closest))
+    least, at = poses.worst(gaps)
+    k = int(least.argmin())
+    pose = ", ".join(
+        f"{joint.name} = {value:.3g} {joint.units[0]}"
+        for joint, value in zip(vehicle.joints, at[k], strict=True)
+    )
+    level, word = (NOTE, "overlap") if least[k] < 0.0 else (OK, "are nearest")
+    text = f"{near.names[k]} {word} at {pose}"
+    return [Finding(OWN, level, text, value=least[k], unit="m", joints=at[k])]
 
 
 def tip_places(vehicle: Vehicle, joints: Array) -> Array:

@@ -14,19 +14,20 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from skyarm.plant.mujoco_model import KINDS
+from skyarm.plant.mujoco_model import KINDS, half_lengths
 from skyarm.records.arrays import Array, IntArray, Pixels
 from skyarm.records.immutable import positional
+from skyarm.vehicle.description import UPRIGHT
 from skyarm.view.picture.marks import Stroke
 from skyarm.view.picture.offscreen import offscreen
-from skyarm.world.scene.shapes import SURFACE, UPRIGHT, Shape, Solid, mesh_of, own_mesh
+from skyarm.world.scene.shapes import SURFACE, Shape, Solid, mesh_of, own_mesh
 
 FIELD_OF_VIEW = 40.0
 """Field of view (deg), from the lower to the upper edge of a panel."""
 
 GEOMS = {
     **KINDS,
-    **dict.fromkeys(("box", "patch", "mesh", "hole"), mujoco.mjtGeom.mjGEOM_BOX),
+    **dict.fromkeys(("patch", "mesh", "hole", "hull"), mujoco.mjtGeom.mjGEOM_BOX),
     "arrow": mujoco.mjtGeom.mjGEOM_ARROW,
     "line": mujoco.mjtGeom.mjGEOM_LINE,
 }
@@ -179,12 +180,7 @@ class Renderer:
             geom.pos = geom.pos + np.array([0.0, 0.0, panel.ground])
             geom.category = NO_SHADOW
         for solid in panel.solids:
-            half_length = solid.shape.kind in ("capsule", "cylinder")
-            size = (
-                (solid.shape.size[0], 0.5 * solid.shape.size[1])
-                if half_length
-                else solid.shape.size
-            )
+            size = half_lengths(solid.shape)
             geom = self._add(scene, solid.shape.kind, size, solid.rgba or SURFACE)
             if (key := mesh_key(solid.shape)) in self._meshes:
                 geom.type, geom.dataid = (
@@ -286,7 +282,7 @@ Mesh = tuple[Array, IntArray]
 
 def mesh_key(shape: Shape) -> MeshKey:
     """Key of a shape's mesh (file and size); shapes with equal keys share one mesh."""
-    return shape.mesh, shape.size if shape.kind in ("mesh", "hole") else ()
+    return shape.mesh, shape.size if shape.kind in ("mesh", "hole", "hull") else ()
 
 
 def _meshes_of(panels: Sequence[FramePanel]) -> dict[MeshKey, Mesh]:

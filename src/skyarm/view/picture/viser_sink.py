@@ -15,9 +15,10 @@ import numpy.typing as npt
 
 from skyarm.records.arrays import Array, lengths
 from skyarm.vehicle import BASE, Vehicle
+from skyarm.vehicle.description import UPRIGHT
 from skyarm.view.picture.marks import Paint
 from skyarm.world.scene.scene import Line
-from skyarm.world.scene.shapes import RGBA, UPRIGHT, Shape, Solid, mesh_of
+from skyarm.world.scene.shapes import RGBA, Shape, Solid, mesh_of
 from skyarm.world.scene.vehicle_shapes import Poses, quaternions_of, vehicle_shapes
 
 if TYPE_CHECKING:
@@ -25,9 +26,7 @@ if TYPE_CHECKING:
     from viser import SceneApi
 
 SceneNode: TypeAlias = "viser.SceneNodeHandle"
-ShapeNode: TypeAlias = (
-    "viser.MeshHandle | viser.IcosphereHandle | viser.BoxHandle | viser.CylinderHandle"
-)
+ShapeNode: TypeAlias = "viser.MeshHandle | viser.CylinderHandle"
 LineNode: TypeAlias = "viser.LineSegmentsHandle"
 
 NO_TURNS: Mapping[str, Array] = MappingProxyType({})
@@ -43,9 +42,8 @@ pixel in the usual view."""
 SHORTEST = 0.01
 """Shortest drawn arrow (m)."""
 
-SEGMENTS, SUBDIVISIONS = (24, 8), (2, 1)
-"""Number of segments of round shapes, solid and wire-frame: around a cylinder, and
-subdivisions of a sphere."""
+SEGMENTS = 24, 8
+"""Number of segments around round shapes, solid and wire-frame."""
 
 LINE_WIDTH = 0.003
 """Width (m) of a line."""
@@ -94,47 +92,24 @@ def add_shape(
         "position": np.array(shape.position),
         "wxyz": quaternions_of(np.array([shape.rotation]))[0],
     }
-    if shape.mesh or shape.kind == "hole":
-        vertices, faces = mesh_of(
-            replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT)
-        )
-        return scene.add_mesh_simple(
-            name, vertices, faces, side="double", flat_shading=not wires, **look, **at
-        )
-    if shape.kind in ("sphere", "ellipsoid"):
-        x, y, z = shape.size[:1] * 3 if shape.kind == "sphere" else shape.size
-        return scene.add_icosphere(
+    if shape.kind == "cylinder" and not shape.mesh:
+        radius, length = shape.size
+        return scene.add_cylinder(
             name,
-            radius=1.0,
-            scale=(x, y, z),
-            subdivisions=SUBDIVISIONS[wires],
+            radius=radius,
+            height=length,
+            radial_segments=SEGMENTS[wires],
             **look,
             **at,
         )
-    if shape.kind in ("box", "patch"):
-        x, y, z = (2.0 * half for half in (*shape.size, THIN)[:3])
-        return scene.add_box(name, dimensions=(x, y, z), **look, **at)
-    radius, length = shape.size
-    node = scene.add_cylinder(
-        name,
-        radius=radius,
-        height=length,
-        radial_segments=SEGMENTS[wires],
-        **look,
-        **at,
+    if shape.kind == "patch":
+        shape = replace(shape, kind="box", size=(*shape.size, THIN))
+    upright = replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT)
+    vertices, faces = mesh_of(upright, SEGMENTS[wires])
+    smooth = wires or shape.kind in ("sphere", "ellipsoid", "capsule")
+    return scene.add_mesh_simple(
+        name, vertices, faces, side="double", flat_shading=not smooth, **look, **at
     )
-    if shape.kind == "capsule":
-        for end, sign in (("start", -0.5), ("end", 0.5)):
-            place = np.array([0.0, 0.0, sign * length])
-            finely = SUBDIVISIONS[wires]
-            scene.add_icosphere(
-                f"{name}/{end}",
-                radius=radius,
-                subdivisions=finely,
-                position=place,
-                **look,
-            )
-    return node
 
 
 def add_light(scene: SceneApi, ambient: float) -> None:

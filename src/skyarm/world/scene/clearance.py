@@ -1,12 +1,12 @@
 """Clearance: signed distances of a vehicle's bodies from obstacles and from each other,
 over any scalar.
 
-Bodies are segments and flat discs, enlarged by a radius. The nearest point of a segment
-follows without branches. Of a first-order Taylor series it follows from the values
-alone: where the point slides along the segment, a minimum does not change to first
-order (envelope theorem).
+Bodies are the shapes that a vehicle states as those that touch, else segments and flat
+discs, enlarged by a radius. Nearest points follow without branches. Of a first-order
+Taylor series they follow from the values alone: where a point slides along its body, a
+minimum does not change to first order (envelope theorem).
 Source: segments, Ericson 2005, section 5.1.9; overlap with a box, separating axes of
-Gottschalk et al. 1996.
+Gottschalk et al. 1996; other convex bodies, Gilbert, Johnson, Keerthi 1988.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
+from itertools import combinations, product
 from typing import TYPE_CHECKING
 
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Scalar, Scalars, Vec3
@@ -28,15 +29,17 @@ from skyarm.algebra.scalars import (
     where,
 )
 from skyarm.algebra.scalars.taylor import Taylor, nth_derivative
-from skyarm.compile.tracing.lower import compiled_once
+from skyarm.compile.tracing.lower import compiled_once, repeat
 from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.dynamics.kinematics import IDENTITY, Pose, link_poses
 from skyarm.records.coerce import absent, concrete
 from skyarm.records.immutable import positional
+from skyarm.records.leaves import Record, blend, leaves, rebuild
 from skyarm.vehicle import BASE, Vehicle
 from skyarm.world.scene.vehicle_shapes import HULL, boom_and_disc, disc_name, rod_ends
 
 if TYPE_CHECKING:
+    from skyarm.vehicle.vehicle_records import Collision
     from skyarm.world.contact.surface import Surface
 
 _TINY = 1e-24
@@ -52,23 +55,37 @@ ROUNDS = 5
 where its faces change."""
 
 
+STEPS = 12
+"""Steps towards the planes that part two convex bodies. Boxes, hulls and capsules need
+10 at most (drawn pairs); cylinders come within 0.1 mm."""
+
+_ASIDE = Vec3(1e-24, 2e-24, 3e-24)
+"""Any direction (m), in place of one that is zero or structure."""
+
+_FLAT = 1e-30
+"""Square of twice the area (m^4) below which a triangle has no normal."""
+
+
+Row = tuple[Scalar, tuple[Vec3, ...]]
+"""Number by which vectors are chosen, and these."""
+
+
 @positional
 class Volume:
-    """Segment, flat disc or cylinder, enlarged by a radius: a capsule, or a disc with a
-    round rim.
+    """Convex hull of points, flat disc or cylinder, enlarged by a radius: a capsule, a
+    disc with a round rim, a box.
 
     Attributes:
-        body: link of the vehicle, or BASE. start, end: ends of the segment, m; both the
-            middle of a disc.
-        radius: enlargement, m. disc: radius of the disc, m; int 0 of a segment. axis:
+        body: link of the vehicle, or BASE. points: the ends of a segment, corners, or
+            the middle of a disc or sphere, m.
+        radius: enlargement, m. disc: radius of the disc, m; int 0 without one. axis:
             unit vector across it.
         half: half the length of a cylinder, m; int 0 of a flat disc.
     """
 
     name: str
     body: int
-    start: Vec3
-    end: Vec3
+    points: tuple[Vec3, ...]
     radius: Scalar
     disc: Scalar = 0
     axis: Vec3 = ZERO3
@@ -78,8 +95,7 @@ class Volume:
         """Volume in the axes to which a pose leads."""
         return replace(
             self,
-            start=pose.apply(self.start),
-            end=pose.apply(self.end),
+            points=tuple(map(pose.apply, self.points)),
             axis=pose.R.apply(self.axis),
         )
 
@@ -208,70 +224,106 @@ def clearances(
 
 
 def volumes(vehicle: Vehicle) -> list[Volume]:
-    """Volumes of a vehicle at rest, each in the axes of its body; sizes are those of
-    its drawn shapes.
+    """Volumes of a vehicle at rest, each in the axes of its body.
+
+    They are the shapes that touch and the rotors' discs; of a vehicle that states no
+    shapes those that draw it.
     """
     reach, discs = boom_and_disc(vehicle)
     wide, flat = HULL
-    made = [
-        Volume("hull", BASE, ZERO3, ZERO3, flat * reach, (wide - flat) * reach, E_Z)
-    ]
+    made = [Volume("hull", BASE, (ZERO3,), flat * reach, (wide - flat) * reach, E_Z)]
     for rotor in vehicle.rotors:
         hub = rotor.position
         rim = 0.01 * reach
-        made.append(Volume(f"boom/{rotor.name}", BASE, ZERO3, hub, 0.03 * reach))
+        made.append(Volume(f"boom/{rotor.name}", BASE, (ZERO3, hub), 0.03 * reach))
         made.append(
-            Volume(disc_name(rotor.name), BASE, hub, hub, rim, discs - rim, rotor.axis)
+            Volume(disc_name(rotor.name), BASE, (hub,), rim, discs - rim, rotor.axis)
         )
-    for body, name in [
-        (BASE, "base"),
-        *((i, f"link/{link.name}") for i, link in enumerate(vehicle.moving)),
-    ]:
+    names = ["base", *(f"link/{link.name}" for link in vehicle.moving)]
+    if vehicle.collisions:
+        # every second one is a disc
+        return made[2::2] + [
+            replace(
+                solid_of(each, Pose(each.rotation, each.position)),
+                name=f"{names[each.link - BASE]}/{each.name}",
+                body=each.link,
+            )
+            for each in vehicle.collisions
+        ]
+    for body, name in enumerate(names, BASE):
         made += [
-            Volume(f"{name}/{to}", body, ZERO3, end, 0.04 * reach)
+            Volume(f"{name}/{to}", body, (ZERO3, end), 0.04 * reach)
             for to, end in rod_ends(vehicle, body)
         ]
     return made
 
 
+def solid_of(each: Collision | Surface, pose: Pose) -> Volume:
+    """Volume of a bounded shape in the axes to which a pose leads."""
+    size, at, axis = each.size, pose.p, pose.R.column(2)
+    if each.shape in ("box", "hull"):
+        ends = each.vertices or product(*((-0.5 * edge, 0.5 * edge) for edge in size))
+        return Volume("", BASE, tuple(pose.apply(Vec3(*end)) for end in ends), 0)
+    half = 0.5 * size[-1]
+    if each.shape == "capsule":
+        return Volume("", BASE, (at - axis * half, at + axis * half), size[0])
+    if each.shape == "sphere":
+        return Volume("", BASE, (at,), size[0])
+    # the origin of a hole is in its mouth
+    middle = at if each.shape == "cylinder" else at - axis * half
+    return Volume("", BASE, (middle,), 0, size[-2], axis, half)
+
+
 def pair_distance(a: Volume, b: Volume) -> Scalar:
-    """Signed distance (m) of two volumes in one frame, at most one of them a disc."""
+    """Signed distance (m) of two volumes in one frame.
+
+    If one is a box or hull or both are discs it is exact where they are apart, of discs
+    within 0.3 mm. Where they overlap it is minus the least thickness that was found of
+    what they share, never less than the depth.
+    """
+    if len(a.points + b.points) > 4 or not (absent(a.disc) or absent(b.disc)):
+        # pairs with other names and radii share the code
+        pair = tuple(replace(each, name="", body=BASE, radius=0) for each in (a, b))
+        n, *ways = compiled_once("directions", _directions, _values(pair))
+        gap, square = _vector_between(a, b, n).dot(n), _from_origin(a, b, ways)[0]
+        return where(gap > 0.0, sqrt(square + _TINY), gap) - (a.radius + b.radius)
     # the formula below takes the disc second
     if not absent(a.disc):
         return pair_distance(b, a)
-    way = a.end - a.start
-    other = b.end - b.start
-    middle = b.start
-    start, along = _values(a.start - middle), _values(way)
+    way = a.points[-1] - a.points[0]
+    other = b.points[-1] - b.points[0]
+    middle = b.points[0]
+    start, along = _values(a.points[0] - middle), _values(way)
     if absent(b.disc):
         s, t = _nearest_shares(start, along, _values(other))
-        apart = (a.start + way * s) - (middle + other * t)
+        apart = (a.points[0] + way * s) - (middle + other * t)
         return sqrt(apart.dot(apart) + _TINY) - (a.radius + b.radius)
     record = start, along, _values(b.axis), b.disc, b.half
     s = (
         0
-        if a.end is a.start
+        if len(a.points) == 1
         else compiled_once("nearest to cylinder", _nearest_to_cylinder, record)
     )
-    return _above_cylinder(a.start + way * s - middle, b) - (a.radius + b.radius)
+    return _above_cylinder(a.points[0] + way * s - middle, b) - (a.radius + b.radius)
 
 
 def surface_distance(each: Volume, surface: Surface, time: Scalar) -> Scalar:
     """Signed distance (m) of a volume in world axes from a surface."""
     R = surface.rotation
     at = surface.place(time)[0]
-    if surface.shape == "sphere":
-        return pair_distance(each, Volume("", BASE, at, at, surface.size[0]))
-    if not absent(each.disc):
-        return surface.clearance(each.start, each.axis, each.disc, time) - each.radius
-    if surface.shape in ("cylinder", "hole"):
-        axis = R.column(2)
-        half = 0.5 * surface.size[-1]
-        middle = at if surface.shape == "cylinder" else at - axis * half
-        return pair_distance(
-            each, Volume("", BASE, middle, middle, 0, surface.size[-2], axis, half)
-        )
-    start, way = R.apply_T(each.start - at), R.apply_T(each.end - each.start)
+    first, last = each.points[0], each.points[-1]
+    thick = len(each.points) > 2 or not absent(each.half)
+    if thick and surface.shape == "plane":
+        up = R.column(2)
+        gap: Scalar = (_farthest(each, -up) - at).dot(up)
+        return gap
+    disc = not absent(each.disc)
+    bounds = ("plane", "box", "cylinder", "hole") if disc else ("plane", "box")
+    if thick or surface.shape not in bounds:
+        return pair_distance(each, solid_of(surface, Pose(R, at)))
+    if disc:
+        return surface.clearance(first, each.axis, each.disc, time) - each.radius
+    start, way = R.apply_T(first - at), R.apply_T(last - first)
     if surface.shape == "plane":
         # the lower end, since a plane is nearest to an end of a segment
         return (start + way * where(_values(way).z > 0.0, 0.0, 1.0)).z - each.radius
@@ -280,10 +332,14 @@ def surface_distance(each: Volume, surface: Surface, time: Scalar) -> Scalar:
     )
 
 
-def _values(v: Vec3) -> Vec3:
+def _values(record: Record) -> Record:
     """Values of first-order series; other scalars are returned unchanged."""
-    return Vec3(
-        *(nth_derivative(c, 0) if type(c) is Taylor and len(c.c) == 2 else c for c in v)
+    return rebuild(
+        record,
+        (
+            nth_derivative(c, 0) if type(c) is Taylor and len(c.c) == 2 else c
+            for c in leaves(record)
+        ),
     )
 
 
@@ -397,6 +453,80 @@ def _nearest_to_box(
             way = (height, t, n.dot(corner), *n)
             best = tuple(where(better, x, y) for x, y in zip(way, best, strict=True))
     return free, where(free > 0.0, share, best[1]), Vec3(*best[3:]), best[2]
+
+
+def _first(rows: Iterable[Row]) -> Row:
+    """Row with the least number; of equal ones the earliest."""
+    best, *others = rows
+    for row in others:
+        best = blend(row[0] < best[0], row, best)
+    return best
+
+
+def _farthest(each: Volume, n: Vec3) -> Vec3:
+    """Farthest point (m) of a volume without its radius along a unit vector."""
+    points = (point + _ASIDE for point in each.points)
+    _, (end,) = _first((-point.dot(n), (point,)) for point in points)
+    if absent(each.disc):
+        return end
+    along: Scalar = each.axis.dot(n)
+    across = n - each.axis * along
+    rim = across * divide(each.disc, sqrt(across.dot(across) + _TINY))
+    return end + rim + each.axis * (sign(along) * each.half)
+
+
+def _vector_between(a: Volume, b: Volume, n: Vec3) -> Vec3:
+    """Vector (m) from the last point of a volume along a unit vector to the first one
+    of another.
+    """
+    return _farthest(b, -n) - _farthest(a, n)
+
+
+def _directions(pair: tuple[Volume, ...]) -> tuple[Vec3, ...]:
+    """Unit normal of the planes that part two volumes, and three directions whose
+    outermost points surround the nearest ones.
+
+    Differences of their points fill a convex body. A triangle in it comes closer to the
+    origin with the body's farthest point in that direction as a new corner.
+    """
+    a, b = pair
+
+    def step(state: tuple[Row, Row]) -> tuple[Row, Row]:
+        (_, (n, *ways)), best = state
+        n = n * divide(1.0, n.norm())
+        # of overlapping volumes the nearer skin is behind
+        gap, behind = (_vector_between(a, b, way).dot(way) for way in (n, -n))
+        rows = [_from_origin(a, b, (n, *edge)) for edge in combinations(ways, 2)]
+        return _first(rows), _first([best, (-gap, (n,)), (-behind, (-n,))])
+
+    worst: Row = math.inf, (_ASIDE,)
+    start = _from_origin(a, b, (_ASIDE,) * 3), worst
+    (_, (_, *ways)), (_, best) = repeat(STEPS, step, start)
+    return *best, *ways
+
+
+def _from_origin(a: Volume, b: Volume, ways: Sequence[Vec3]) -> Row:
+    """Squared distance of a triangle from the origin, direction of its nearest point,
+    and directions of its corners.
+
+    A corner is the vector from one volume to another between their outermost points
+    along one of ``ways``.
+    """
+    p, q, r = (_vector_between(a, b, way) for way in ways)
+    normal = (q - p).cross(r - p)
+    square = normal.dot(normal)
+    foot = normal * divide(p.dot(normal), square + _FLAT)
+    inside = square > _FLAT
+    rows: list[Row] = []
+    for start, end in ((p, q), (q, r), (r, p)):
+        way = end - start
+        point = start + way * _share(-start.dot(way), way.dot(way))
+        rows.append((point.dot(point), (point,)))
+        inside = logical_and(inside, start.cross(end).dot(normal) > 0.0)
+    rows.append((where(inside, foot.dot(foot), math.inf), (foot,)))
+    apart, (nearest,) = _first(rows)
+    # at the origin the normal is left, or any direction of a triangle without area
+    return apart, (nearest + normal * 1e-12 + _ASIDE, *ways)
 
 
 def _above_cylinder(point: Vec3, disc: Volume) -> Scalar:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from itertools import product
+from dataclasses import replace
+from itertools import chain, product
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,17 +14,27 @@ from skyarm.algebra import Scalar
 from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files.stl_mesh import METRES, mesh_or_none
 from skyarm.records.immutable import positional
+from skyarm.vehicle.convex_hull import Triangles, convex_hull
+from skyarm.vehicle.description import UPRIGHT, Matrix, Vector, turn_onto
 
-Vector = tuple[float, float, float]
+if TYPE_CHECKING:
+    from skyarm.vehicle.vehicle_records import Collision, Frame
+    from skyarm.world.contact.surface import Surface
 
 RGBA = tuple[float, float, float, float]
 """Red, green, blue, opacity, from 0 to 1."""
 
-Matrix = tuple[Vector, Vector, Vector]
-
-UPRIGHT: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-
-KINDS = "ellipsoid", "capsule", "cylinder", "sphere", "box", "patch", "hole", "mesh"
+KINDS = (
+    "ellipsoid",
+    "capsule",
+    "cylinder",
+    "sphere",
+    "box",
+    "patch",
+    "hole",
+    "hull",
+    "mesh",
+)
 
 ROLES = (
     "hull",
@@ -50,8 +62,8 @@ class Shape:
             between the centres of its ends, along z), "sphere" (radius), "box" (three
             half lengths), "patch" of a plane (two half lengths; its outside is along
             z), "hole" (a plate with one, about z: radius, depth, chamfer, outer radius,
-            length; the origin is in the middle of the mouth), "mesh" (its scale along
-            its axes).
+            length; the origin is in the middle of the mouth), "hull" (x, y, z of all
+            corners), "mesh" (its scale along its axes).
         body: link of the vehicle, BASE for the airframe; of a surface of the world it
             says nothing.
         size: m, by kind.
@@ -59,6 +71,7 @@ class Shape:
         rotation: rows of R_BS, axes of the shape to those of the body.
         mesh: path of an STL file in its place, axes of the shape, for who draws meshes;
             empty for none.
+        faces: triangles of a hull, as numbers of corners.
     """
 
     name: str
@@ -69,6 +82,7 @@ class Shape:
     position: Vector = (0.0, 0.0, 0.0)
     rotation: Matrix = UPRIGHT
     mesh: str = ""
+    faces: Triangles = ()
 
 
 SURFACE: RGBA = (0.66, 0.64, 0.6, 1.0)
@@ -101,6 +115,20 @@ class Solid:
         )
 
 
+def solid_shape(each: Collision | Surface, name: str, role: str, body: int) -> Shape:
+    """Drawn shape of a solid, in its own axes; a plane has no size."""
+    lengths = each.size or chain.from_iterable(each.vertices)
+    scale = 0.5 if each.shape == "box" else 1.0
+    size = tuple(scale * float(length) for length in lengths)
+    return Shape(name, role, each.shape, body, size, faces=each.faces)
+
+
+def in_place(shape: Shape, at: Frame | Surface) -> Shape:
+    """Shape at the pose of a frame, or of a surface that rests."""
+    a, b, c = map(floats, at.rotation.rows)
+    return replace(shape, position=floats(at.position), rotation=(a, b, c))
+
+
 def shape_between(
     name: str,
     role: str,
@@ -115,26 +143,6 @@ def shape_between(
     centre = floats(0.5 * (a + b) for a, b in zip(start, end, strict=True))
     return Shape(
         name, role, kind, body, (radius, math.hypot(*along)), centre, turn_onto(along)
-    )
-
-
-def turn_onto(axis: Vector) -> Matrix:
-    """Rotation matrix (rows) of the smallest rotation that turns the z axis onto a
-    given axis.
-    """
-    length = math.hypot(*axis)
-    if length == 0.0:
-        return UPRIGHT
-    x, y, z = (component / length for component in axis)
-    across = x * x + y * y
-    if z < 0.0 and across == 0.0:
-        return ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
-    # 1 / (1 + z), which loses its digits next to the lower pole
-    k = 1.0 / (1.0 + z) if z > 0.0 else (1.0 - z) / across
-    return (
-        (1.0 - k * x * x, -k * x * y, x),
-        (-k * x * y, 1.0 - k * y * y, y),
-        (-x, -y, z),
     )
 
 
@@ -173,14 +181,11 @@ def mesh_of(shape: Shape, around: int = AROUND) -> tuple[Array, IntArray]:
             [*arc, *((r, -z) for r, z in reversed(arc[:-1]))], around
         )
         vertices = vertices * np.array(size * 3 if shape.kind == "sphere" else size)
-    elif shape.kind == "cylinder":
-        radius = size[0]
-        half = 0.5 * size[1]
-        vertices, faces = _revolve(
-            [(0.0, -half), (radius, -half), (radius, half), (0.0, half)], around
-        )
-    elif shape.kind == "capsule":
-        lower = [(size[0] * r, size[0] * z - 0.5 * size[1]) for r, z in arc]
+    elif shape.kind in ("cylinder", "capsule"):
+        radius, length = size
+        lower = [(radius * r, radius * z - 0.5 * length) for r, z in arc]
+        if shape.kind == "cylinder":
+            lower = [(0.0, -0.5 * length), (radius, -0.5 * length)]
         vertices, faces = _revolve(
             [*lower, *((r, -z) for r, z in reversed(lower))], around
         )
@@ -193,25 +198,28 @@ def mesh_of(shape: Shape, around: int = AROUND) -> tuple[Array, IntArray]:
             (outer, -length),
             (outer, 0.0),
             (radius + chamfer, 0.0),
+            (radius, -chamfer),
+            (radius, -depth),
+            (0.0, -depth),
         ]
-        vertices, faces = _revolve(
-            [*plate, (radius, -chamfer), (radius, -depth), (0.0, -depth)], around
-        )
+        vertices, faces = _revolve(plate, around)
     elif shape.kind == "patch":
         vertices = np.array(
             [[x, y, 0.0] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
         ) * [*size, 0.0]
         faces = np.array([[0, 1, 2], [0, 2, 3]])
     else:
-        allowed = "ellipsoid, capsule, cylinder, sphere, box, patch or hole"
+        allowed = "ellipsoid, capsule, cylinder, sphere, box, patch, hole or hull"
         raise ValueError(f"shape.kind = {shape.kind!r}: must be {allowed}")
     return vertices @ np.array(shape.rotation).T + np.array(shape.position), faces
 
 
 def own_mesh(shape: Shape) -> tuple[Array, IntArray] | None:
-    """Vertices (m) and triangles of a shape's STL file; None without a readable
-    file.
+    """Vertices (m) and triangles of a hull, or of a shape's STL file; None without a
+    readable file.
     """
+    if shape.faces and not shape.mesh:
+        return np.reshape(shape.size, (-1, 3)), np.array(shape.faces)
     if not shape.mesh:
         return None
     x, y, z = shape.size if shape.kind == "mesh" else METRES
@@ -226,17 +234,7 @@ def own_mesh(shape: Shape) -> tuple[Array, IntArray] | None:
 def _box(half: Array) -> tuple[Array, IntArray]:
     """Mesh of a box about the origin with half lengths (3,)."""
     corners = np.array([*product((-1, 1), repeat=3)]) * half
-    quads = [
-        (0, 1, 3, 2),
-        (4, 6, 7, 5),
-        (0, 4, 5, 1),
-        (2, 3, 7, 6),
-        (0, 2, 6, 4),
-        (1, 5, 7, 3),
-    ]
-    return corners, np.array(
-        [corner for a, b, c, d in quads for corner in ((a, b, c), (a, c, d))]
-    )
+    return corners, convex_hull(corners, len(corners))[1]
 
 
 def _revolve(profile: list[tuple[float, float]], around: int) -> tuple[Array, IntArray]:

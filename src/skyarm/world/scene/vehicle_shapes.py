@@ -20,15 +20,15 @@ from skyarm.records.arrays import Array, doubles
 from skyarm.records.coerce import concrete
 from skyarm.records.immutable import positional
 from skyarm.vehicle import BASE, Vehicle
-from skyarm.vehicle.description import quaternion_products
+from skyarm.vehicle.description import Vector, quaternion_products, turn_onto
 from skyarm.vehicle.vehicle_records import Look
 from skyarm.world.scene.shapes import (
     Shape,
-    Vector,
     floats,
+    in_place,
     own_mesh,
     shape_between,
-    turn_onto,
+    solid_shape,
 )
 
 LEAST_REACH = 0.1
@@ -46,13 +46,13 @@ _ORIGIN: Vector = (0.0, 0.0, 0.0)
 
 
 def vehicle_shapes(vehicle: Vehicle, *, meshes: bool = True) -> tuple[Shape, ...]:
-    """Shapes that draw a vehicle: meshes of its links if available, else simple rods,
-    discs and balls.
+    """Shapes that draw a vehicle: meshes of its links if available, else what touches,
+    else rods, discs and balls.
 
     Args:
         vehicle: vehicle with concrete numbers.
         meshes: whether links are drawn as the meshes that their file names, where these
-            are there.
+            are there, or as shapes that touch.
     """
     reach = longest_boom(vehicle)
     looks = enumerate(vehicle.looks if meshes else ())
@@ -63,6 +63,10 @@ def vehicle_shapes(vehicle: Vehicle, *, meshes: bool = True) -> tuple[Shape, ...
     # it covers a part alone
     merged = {frame.name for frame in vehicle.frames}
     covered = {look.link for look, _ in drawn if look.name not in merged}
+    touching = [
+        each for each in vehicle.collisions if meshes and each.link not in covered
+    ]
+    covered |= {each.link for each in touching}
     hull = Shape(
         "hull",
         "hull",
@@ -74,6 +78,12 @@ def vehicle_shapes(vehicle: Vehicle, *, meshes: bool = True) -> tuple[Shape, ...
     shapes += _rotor_shapes(vehicle, reach)
     shapes += _rods(vehicle, BASE, "base", 0.04 * reach)
     shapes += [shape for _, shape in drawn]
+    shapes += [
+        in_place(
+            solid_shape(each, f"touch/{each.name}", _role(each.link), each.link), each
+        )
+        for each in touching
+    ]
     for i, link in enumerate(vehicle.moving):
         if i not in covered:
             shapes += _rods(vehicle, i, f"link/{link.name}", 0.04 * reach)
@@ -163,7 +173,7 @@ def _rotor_shapes(vehicle: Vehicle, reach: float) -> list[Shape]:
                 )
             )
         disc = (radius, 0.02 * reach)
-        axis = turn_onto(floats(rotor.axis))
+        axis = turn_onto(rotor.axis)
         shapes.append(
             Shape(f"rotor/{rotor.name}", "rotor", "cylinder", BASE, disc, hub, axis)
         )
@@ -207,19 +217,13 @@ def rod_ends(vehicle: Vehicle, body: int) -> list[tuple[str, Vec3]]:
 
 def _mesh_shape(number: int, look: Look) -> Shape:
     """Drawn shape of a link with an STL mesh file."""
-    a, b, c = map(floats, look.rotation.rows)
-    role = "hull" if look.link == BASE else "link"
-    name = f"mesh{number + 1}/{look.name}"
-    return Shape(
-        name,
-        role,
-        "mesh",
-        look.link,
-        floats(look.scale),
-        floats(look.position),
-        (a, b, c),
-        look.file,
-    )
+    name, size = f"mesh{number + 1}/{look.name}", floats(look.scale)
+    role = _role(look.link)
+    return in_place(Shape(name, role, "mesh", look.link, size, mesh=look.file), look)
+
+
+def _role(link: int) -> str:
+    return "hull" if link == BASE else "link"
 
 
 Poses = dict[int, tuple[Array, Array]]
