@@ -44,9 +44,10 @@ RICH = "tests/scenario/pins/rich.toml"
 FLOWN = (
     *(RICH, "case3_wind", "pick_and_carry", "examples/press_and_slide.toml"),
     *("examples/servo_swing.toml", "tests/data/servo_flight.toml"),
+    "tests/data/touch_flight.toml",
 )
 """Scenarios with sensors, an estimator, drives, payloads, a world, phases that wait,
-and a load that is learned."""
+a load that is learned, and an ending by shapes that touch."""
 
 RECORDS = {
     place: {
@@ -158,7 +159,10 @@ def test_a_rule_that_reads_more_than_it_says_is_found() -> None:
         assert len(given.agent.all_drives) == given.plant.vehicle.n
         assert all(hasattr(each, "require_vehicle") for each in given.components)
 
-    plant = ("plant.gravity", "plant.vehicle", "plant.drives", "plant.closure")
+    plant = (
+        *("plant.gravity", "plant.vehicle", "plant.drives"),
+        *("plant.closure", "plant.contact"),
+    )
     words = ("duration", "rates", *plant, "environment", "payloads", "team", "world")
     seen = seen_by(check, [RICH])
     assert unsaid(seen, words) == set()
@@ -173,6 +177,7 @@ def test_a_rule_that_reads_more_than_it_says_is_found() -> None:
         "plant.vehicle": {("agent", "plant", "vehicle")},
         "plant.drives": {("agent", "drives")},
         "plant.closure": {("solver", "closure")},
+        "plant.contact": {("solver", "contact")},
         "environment": {
             ("environment", "wind"),
             ("environment", "air"),

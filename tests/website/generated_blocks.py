@@ -60,6 +60,7 @@ from skyarm.log.metrics.metric_catalogue import (
     measures,
 )
 from skyarm.records.field_rules import defaults
+from skyarm.records.immutable import stated_fields
 from skyarm.records.registry import find, names
 from skyarm.records.registry.registrations import registrations
 from skyarm.records.registry.shipped import SECTIONS
@@ -383,14 +384,14 @@ def record_block(path: str, *more: str) -> str:
     if len(kinds) == 1:
         rows = [
             field_row(kinds[0], name)
-            for name in declared_fields(kinds[0])
-            if name not in left_out
+            for name in stated_fields(kinds[0])
+            if name in declared_fields(kinds[0]) and name not in left_out
         ]
         return table(FIELD_HEADS, required_first(rows))
     listed: dict[str, tuple[list[str], Sequence[str]]] = {}
     for kind in kinds:
         for name in declared_fields(kind):
-            if name not in left_out:
+            if name in stated_fields(kind) and name not in left_out:
                 listed.setdefault(name, ([], field_row(kind, name)))[0].append(
                     registered_name(kind)
                 )

@@ -19,7 +19,7 @@ class ContactPeriod:
     forces.
 
     Attributes:
-        surface, point: names of the pair.
+        surface, point: names of the pair; of two bodies in the order of the log.
         start: s, the first instant with a force. end: s, the first one without; None
             where the log ends before.
         peak: N, largest normal force. mean: N.
@@ -56,9 +56,12 @@ class GraspPeriod:
 def contact_periods(log: FlightArrays) -> tuple[ContactPeriod, ...]:
     """List all periods of contact in a log, ordered by start."""
     touches: list[ContactPeriod] = []
-    for (surface, point), force in zip(
-        contact_pairs(log), log.component("contact_force").T, strict=False
-    ):
+    pairs = [
+        pair
+        for array in ("contact_force", "collision_force")
+        for pair in zip(contact_pairs(log, array), log.component(array).T, strict=False)
+    ]
+    for (surface, point), force in pairs:
         for begin, end in runs_of(force > 0.0):
             inside = force[begin:end]
             peak, mean = float(inside.max()), float(inside.mean())
@@ -76,12 +79,17 @@ def contact_periods(log: FlightArrays) -> tuple[ContactPeriod, ...]:
     return tuple(sorted(touches, key=lambda each: each.start))
 
 
-def contact_pairs(log: FlightArrays) -> tuple[tuple[str, str], ...]:
-    """Names of surface and contact point for each column of the logged contact
-    force.
+def contact_pairs(
+    log: FlightArrays, array: str = "contact_force"
+) -> tuple[tuple[str, str], ...]:
+    """Names of surface and contact point for each column of the logged contact force.
+
+    Of the array ``collision_force`` these are the names of the two bodies.
     """
-    pairs = (label.partition("/") for label in component_labels(log, "contact_force"))
-    return tuple((surface, point) for surface, _, point in pairs)
+    # a surface's name may have slashes itself
+    cut = str.rpartition if array == "contact_force" else str.partition
+    pairs = (cut(label, "/") for label in component_labels(log, array))
+    return tuple((first, second) for first, _, second in pairs)
 
 
 def points_at_tip(log: FlightArrays) -> frozenset[str]:

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
-from skyarm.algebra import Scalar, Vec3
-from skyarm.algebra.scalars import absolute, add, logical_and, minimum, sub
+from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import absolute, add, logical_and, maximum, minimum, sub
 from skyarm.dynamics import State, link_poses
 from skyarm.dynamics.actuators.tilting import turn_rotors
+from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
-from skyarm.records.units import nonnegative
+from skyarm.records.units import Unit, nonnegative
 from skyarm.vehicle import BASE, Link, Vehicle
 
 if TYPE_CHECKING:
     from skyarm.scenario.scenario_record import Scenario
+    from skyarm.world.contact import Contact
     from skyarm.world.scene.clearance import Clearances
 
 FAR = 1e4
@@ -314,6 +317,66 @@ class Clearance(DistanceEnding):
         return list(zip(distances, pairs.names, strict=True))
 
 
+@immutable
+class BodyCollision(DistanceEnding):
+    """Termination when shapes of the vehicle press on a surface at rest or, with
+    ``world.self_collision``, on each other.
+
+    It looks at control instants, and at normal forces alone, which follow from the
+    vehicle's state. Objects, mechanisms, surfaces that move and other vehicles end no
+    flight: where these are is not a part of that state.
+    """
+
+    pair: Annotated[
+        str,
+        Unit("", "pair as in the log, such as base/wall, or one of both; empty: any"),
+    ] = ""
+    force: Annotated[
+        Scalar,
+        nonnegative("N", "largest normal force of two bodies that ends no flight"),
+    ] = 0.0
+
+    status: ClassVar[str] = "collision"
+    words: ClassVar[str] = "{1} press with more than {2} N"
+
+    def ends(self, name: str) -> bool:
+        """True if the ending is about a pair, by its name in the log."""
+        # a surface's name may have slashes itself
+        return not self.pair or f"/{self.pair}/" in f"/{name}/"
+
+    def contacts(self, scenario: Scenario) -> list[Contact]:
+        """Contact model of the only vehicle, with surfaces at rest alone."""
+        (name,) = scenario.agents
+        return [
+            replace(each.of_agent(name), surfaces=each.still, objects=(), mechanisms=())
+            for each in scenario.worlds
+        ]
+
+    def distances(self, scenario: Scenario, state: State) -> list[Distance]:
+        """Force (N) that each pair lacks, or distance (m) if that is more, with the
+        pair's name and the force.
+        """
+        motion = PointMotion(scenario.agent.vehicle, state)
+        found: list[Distance] = []
+        for contact in self.contacts(scenario):
+            names = [pair.name for pair in contact.body_pairs]
+            far: Scalars = (1.0,) * len(names)
+            gaps = contact.with_touches(
+                contact.start(0.0, ()),
+                motion,
+                lambda every: tuple(
+                    maximum(self.force - each.normal, -each.depth) for each in every
+                ),
+                far,
+            )
+            found += [
+                (gap, name, str(self.force))
+                for gap, name in zip(gaps, names, strict=True)
+                if self.ends(name)
+            ]
+        return found
+
+
 BUILT_IN: tuple[Ending, ...] = (
     Divergence(),
     JointLimits(stops=False),
@@ -332,6 +395,7 @@ STATUSES = (
     *(ending.status for ending in BUILT_IN),
     PHASE_FAILED,
     Clearance.status,
+    BodyCollision.status,
 )
 
 

@@ -24,6 +24,7 @@ from skyarm.dynamics.state import State
 from skyarm.log.metrics.windows import Window
 from skyarm.plant.largest_step import INTEGRATORS
 from skyarm.records.field_rules import defaults
+from skyarm.records.immutable import stated_fields
 from skyarm.records.leaves import field_names, is_record_class
 from skyarm.records.read_table import takes_table
 from skyarm.records.registry import find, names
@@ -35,7 +36,7 @@ from skyarm.reference.signals import Signal
 from skyarm.scenario import word_texts
 from skyarm.scenario.controller_table import option_words
 from skyarm.scenario.path_governor import GovernorOptions
-from skyarm.scenario.scenario_record import CLOSURES, Scenario
+from skyarm.scenario.scenario_record import CLOSURES, CONTACTS, Scenario
 from skyarm.vehicle import Joint, Vehicle
 from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.world.dryden import Dryden
@@ -310,6 +311,8 @@ def _slot_entry(slot: Slot) -> str:
         return _one_of(INTEGRATORS)
     if slot.path == "plant.closure":
         return _one_of(CLOSURES)
+    if slot.path == "plant.contact":
+        return _one_of(CONTACTS)
     if slot.path == "reference.governor":
         return "true, false or a table"
     if _is_list(slot):
@@ -340,7 +343,9 @@ def _of_record(
     bases = [each.__name__ for each in kind.__mro__]
     inside: set[tuple[str, type]] = set()
     for name, (annotation, unit) in declared.items():
-        if any((base, name) in NO_WORDS for base in bases):
+        if any((base, name) in NO_WORDS for base in bases) or (
+            name not in stated_fields(kind)
+        ):
             continue
         word = keys.get(name, name)
         is_list = typing.get_origin(annotation) is tuple and _records_in(annotation)

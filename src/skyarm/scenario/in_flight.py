@@ -589,6 +589,7 @@ def _held_throughout(scenario: Scenario) -> dict[str, object]:
         "plant.kind": scenario.kind,
         "plant.integrator": scenario.integrator,
         "plant.closure": scenario.closure,
+        "plant.contact": scenario.solver.contact,
         "delays": delays,
         "joints": vehicle.n,
         "rotors": len(vehicle.rotors),

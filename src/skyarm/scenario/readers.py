@@ -141,7 +141,7 @@ def wind(entry: object, path: str, reading: ScenarioWords) -> Component[Tree]:
 def plant(entry: object, path: str, reading: ScenarioWords) -> Truth:
     """Read [plant]: vehicle, gravity (m/s^2; 9.81), payload and joint values."""
     fields = Fields(entry, path)
-    beside = ["kind", "integrator", "closure", "drives"]
+    beside = ["kind", "integrator", "closure", "contact", "drives"]
     carrier, gravity = _vehicle_and_gravity(fields, reading, beside=beside)
     held = fields.table.get("payload", {})
     loads = (
@@ -314,8 +314,8 @@ def _events(reading: ScenarioWords) -> Sequence[TaskEvent]:
 
 
 def with_files(table: Entry, where: str, folder: Path) -> Entry:
-    """Tables of [reference] or [world] with paths of sample and mesh files made
-    absolute.
+    """Tables of [reference] or [world] with absolute paths of samples and meshes, and
+    the surfaces of files.
 
     Args:
         table: plain table of a file.
@@ -336,6 +336,10 @@ def with_files(table: Entry, where: str, folder: Path) -> Entry:
         # a log is drawn from any folder
         return str((folder / path).absolute())
 
+    if where == "world":
+        from skyarm.world.contact.surface_files import with_bodies
+
+        table = with_bodies(table, folder)
     return _with_paths(table, where, absolute)
 
 
@@ -355,8 +359,10 @@ def _with_paths(
         name: _with_paths(each, f"{where}.{name}", other)
         for name, each in table.items()
     }
-    # only these kinds have a key "file" that is a path; a user's own kind may not
-    keys = ("file", "mesh") if table.get("kind") in ("samples", "plan") else ("mesh",)
+    # only these have a key "file" that is a path; a user's own kind may not
+    body = where.startswith("world.bodies[")
+    named = body or table.get("kind") in ("samples", "plan")
+    keys = ("file", "mesh") if named else ("mesh",)
     paths = {
         key: path for key in keys if isinstance(path := table.get(key), str) and path
     }
@@ -708,7 +714,7 @@ def initial_state(fields: Fields, scenario: Scenario) -> State:
     return stand_vehicle(
         scenario.agent.vehicle,
         float(scenario.agent.plant.gravity),
-        scenario.worlds[0],
+        scenario.worlds[0].of_agent(next(iter(scenario.agents))),
         state,
     )
 

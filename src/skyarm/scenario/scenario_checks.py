@@ -38,6 +38,7 @@ from skyarm.records.files import did_you_mean, errors_as, must_be_one_of, number
 from skyarm.records.leaves import Place, Tree, leaves, named_leaves, part
 from skyarm.records.words import Slot, slots
 from skyarm.reference.trajectory import Trajectory
+from skyarm.scenario.endings import BodyCollision, BodyContact, RotorContact
 from skyarm.scenario.paths import errors_of_agent, is_below
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.sensing.sensor import Sensor
@@ -551,6 +552,7 @@ def surroundings_fit(scenario: Scenario) -> None:
     "plant.vehicle",
     "plant.gravity",
     "plant.closure",
+    "plant.contact",
     "rates",
     shared=True,
 )
@@ -668,6 +670,29 @@ def check_quaternion(values: Scalars) -> None:
         )
 
 
+@rule(
+    *("endings", "world", "plant.closure", "plant.contact"), numbers=False, shared=True
+)
+def collisions_can_happen(scenario: Scenario) -> None:
+    """Check that the pairs which end a flight are among those whose touch its end
+    sees.
+    """
+    for i, ending in enumerate(scenario.endings):
+        if isinstance(ending, BodyCollision):
+            names = [
+                pair.name
+                for agent in scenario.agents
+                for contact in ending.contacts(scenario.of(agent))
+                for pair in contact.body_pairs
+            ]
+            if not any(map(ending.ends, names)):
+                raise ValueError(
+                    f"endings[{i}].pair = {shown(ending.pair)}:"
+                    f" {must_be_one_of(names, ending.pair)} of a vehicle's shapes with"
+                    " surfaces at rest or its own"
+                )
+
+
 def require_flight(scenario: object) -> None:
     """Raise an error unless a scenario can be flown: consistent, of plain numbers, and
     started outside all surfaces.
@@ -712,7 +737,7 @@ def _numbers_of_start(scenario: Scenario) -> object:
         (name, each.plant, each.reference, each.initial)
         for name, each in scenario.agents.items()
     ]
-    return scenario.environment.world, scenario.closure, agents
+    return scenario.environment.world, scenario.solver.contact, scenario.closure, agents
 
 
 @keep_results(16, _numbers_of_start)
@@ -729,16 +754,19 @@ def begin(scenario: Scenario) -> None:
         _require_start_outside(one, name, states[-1])
     truths = [each.plant for each in scenario.agents.values()]
     for contact in scenario.worlds:
-        contact.require_within_reach(
-            motions_of(truths, states, tuple(scenario.agents))[0]
-        )
+        motion = motions_of(truths, states, tuple(scenario.agents))[0]
+        contact.require_within_reach(motion)
+        # of a batch each lane shows itself
+        if contact.vehicle_bodies and concrete(*leaves((contact, *states, *truths))):
+            from skyarm.world.contact.initial_world import require_bodies_apart
+
+            require_bodies_apart(contact, motion)
 
 
 def _require_start_outside(scenario: Scenario, name: str, state: State) -> None:
     """Raise an error if one vehicle, of a name, starts inside a surface, or with an
     excessive contact force.
     """
-    from skyarm.scenario.endings import BodyContact, RotorContact
     from skyarm.world.contact.initial_world import (
         require_start_outside as require_outside,
     )

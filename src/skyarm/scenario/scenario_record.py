@@ -458,6 +458,9 @@ def in_order(changes: Iterable[Change], rate: int) -> tuple[Change, ...]:
 CLOSURES = ("spring", "weld")
 """Ways in which a plant closes the loops of grasps."""
 
+CONTACTS = ("points", "geoms")
+"""Contact models of a plant: that of this library, and MuJoCo's own."""
+
 
 @immutable
 class Solver:
@@ -467,6 +470,8 @@ class Solver:
         kind: "rigid_body" or "mujoco". integrator: "rk4", "euler" or "rk4_staged".
         closure: grasps are forces of a "spring", or constraints of MuJoCo of the same
             stiffness and damping, a "weld".
+        contact: contact forces are those of this library at "points", or MuJoCo's own
+            between the same shapes as its "geoms".
     """
 
     kind: Annotated[str, STRUCTURAL] = "rigid_body"
@@ -474,24 +479,32 @@ class Solver:
     closure: Annotated[str, STRUCTURAL] = dataclasses.field(
         default="spring", metadata={UNWRITTEN: "spring"}
     )
+    contact: Annotated[str, STRUCTURAL] = dataclasses.field(
+        default="points", metadata={UNWRITTEN: "points"}
+    )
 
     def __post_init__(self) -> None:
         for field, value, allowed in (
             ("kind", self.kind, registrations("plant")),
             ("integrator", self.integrator, dict.fromkeys(INTEGRATORS)),
             ("closure", self.closure, dict.fromkeys(CLOSURES)),
+            ("contact", self.contact, dict.fromkeys(CONTACTS)),
         ):
             if not isinstance(value, str) or value not in allowed:
                 raise ScenarioError(
                     f"plant.{field} = {shown(value)}: {must_be_one_of(allowed, value)}"
                 )
-        if self.closure == "weld" and (
-            self.kind != "mujoco" or self.integrator == "euler"
+        if self.kind == "mujoco" and self.integrator != "euler":
+            return
+        for field, value, usual in (
+            ("closure", self.closure, CLOSURES[0]),
+            ("contact", self.contact, CONTACTS[0]),
         ):
-            words = (
-                "must be 'spring' unless kind is 'mujoco' and integrator is not 'euler'"
-            )
-            raise ScenarioError(f"plant.closure = 'weld': {words}")
+            if value != usual:
+                raise ScenarioError(
+                    f"plant.{field} = {value!r}: must be {usual!r} unless kind is"
+                    " 'mujoco' and integrator is not 'euler'"
+                )
 
 
 @immutable
@@ -945,6 +958,11 @@ class ShortNames:
         return self.solver.closure
 
     @property
+    def contact(self) -> str:
+        """Contact forces: skyarm's at its "points", or MuJoCo's between its "geoms"."""
+        return self.solver.contact
+
+    @property
     def wind(self) -> AnyComponent:
         """Wind model of the scenario."""
         return self.environment.wind
@@ -1052,7 +1070,8 @@ class Scenario(ShortNames):
             for name in ("seed", "episode"):
                 object.__setattr__(self, name, noise_key(name, getattr(self, name)))
             accept_fields(self, "")
-            world = self.environment.world
+            # a view of one of several keeps the world that was fitted to all
+            world = None if self.others else self.environment.world
             if world is not None and (fitted := world.on(self.vehicles)) is not world:
                 object.__setattr__(
                     self, "environment", replace(self.environment, world=fitted)
@@ -1273,11 +1292,14 @@ class Scenario(ShortNames):
         """The contact model (surfaces, grippers) as a tuple of one; empty if there is
         nothing to touch.
         """
-        if self.world is None or self.closure == "spring":
-            return () if self.world is None else (self.world,)
-        from skyarm.world.contact.closed_contact import ClosedContact
+        if self.world is None:
+            return ()
+        from skyarm.world.contact.closed_contact import ClosedContact, GeomContact
 
-        return (ClosedContact(**parts(self.world)),)
+        if self.solver.contact == "geoms":
+            return (GeomContact(**parts(self.world)),)
+        own = self.closure == "spring"
+        return (self.world if own else ClosedContact(**parts(self.world)),)
 
 
 class FieldsByWord(TypedDict, total=False):

@@ -61,8 +61,8 @@ class WithoutEffectWarning(UserWarning):
 
 
 def without_effect(scenario: Scenario) -> tuple[str, ...]:
-    """Warnings about air, forces and sensors without effect on the flight; empty if
-    each has one.
+    """Warnings about air, forces, shapes and sensors without effect on the flight;
+    empty if each has one.
 
     A part that cannot be evaluated is not judged: the flight states its fault.
     """
@@ -74,7 +74,7 @@ def without_effect(scenario: Scenario) -> tuple[str, ...]:
             for line in without_effect(scenario.of(name))
         )
     lines: list[str] = []
-    for judge in (_idle_components, _unread_readings):
+    for judge in (_idle_components, _idle_shapes, _unread_readings):
         with suppress(Exception):
             lines += judge(scenario)
     return tuple(lines)
@@ -114,6 +114,14 @@ def _idle_components(scenario: Scenario) -> Iterator[str]:
                     f"{where}: moves no air and exerts no force along the reference;"
                     " its numbers and times?"
                 )
+
+
+def _idle_shapes(scenario: Scenario) -> Iterator[str]:
+    if scenario.agent.vehicle.collisions and not scenario.worlds:
+        yield (
+            "plant.vehicle: has shapes that touch nothing without a [world]; its"
+            " surfaces?"
+        )
 
 
 def _blind_axes(

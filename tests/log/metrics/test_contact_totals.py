@@ -198,7 +198,9 @@ def test_a_flight_that_touches_nothing_has_no_such_numbers():
     assert {name for name in NAMES if not math.isnan(found[name])} == {
         "tip_lowest",
         "phases_time",
+        "collision_force",
     }
+    assert found["collision_force"] == 0.0
 
 
 @pytest.mark.thorough

@@ -272,6 +272,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     "contact": lambda now, _: (
         reduce(add, now.part("contact_force")) if now.part("contact_force") else None
     ),
+    "collision": lambda now, _: reduce(maximum, now.part("collision_force") or (0.0,)),
     **{
         f"object_{axis}": _of_part("object_position", i) for i, axis in enumerate("xyz")
     },
@@ -285,10 +286,10 @@ QUANTITIES: Mapping[str, Quantity] = {
     "team_pull": _pull_error,
     "load_share": _of_part("load_share", 0, math.nan),
 }
-"""Quantity -> function: force at all points (N), position of the first object (m),
-coordinate of the first mechanism, largest force at a grasp (N), height of the tip (m);
-of a team the errors of its body's place (m), direction (rad) and pull (N), and the
-vehicle's share of the load."""
+"""Quantity -> function: force at all points (N), largest one of two bodies (N),
+position of the first object (m), coordinate of the first mechanism, largest force at a
+grasp (N), height of the tip (m); of a team the errors of its body's place (m),
+direction (rad) and pull (N), and the vehicle's share of the load."""
 
 SHARED = frozenset(
     (
@@ -296,6 +297,7 @@ SHARED = frozenset(
         "object_y",
         "object_z",
         "mechanism",
+        "collision",
         "team_position",
         "team_turn",
         "team_pull",
@@ -306,6 +308,12 @@ SHARED = frozenset(
 COUNTED: Mapping[str, tuple[str, str, str, str]] = {
     "contact_last": ("last", "contact", "contact force at the end of the flight", "N"),
     "contact_largest": ("largest", "contact", "largest contact force", "N"),
+    "collision_force": (
+        "largest",
+        "collision",
+        "largest normal force of two bodies",
+        "N",
+    ),
     **{
         f"object_last_{a}": (
             "last",

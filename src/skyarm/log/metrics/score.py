@@ -38,7 +38,7 @@ from skyarm.log.sensor_data import COMPONENTS
 from skyarm.records.arrays import Array, doubles
 from skyarm.records.files import PathLike, shown
 from skyarm.records.leaves import Tree, leaves, rebuild
-from skyarm.world.component import columns_of_agent
+from skyarm.world.component import COLLISIONS, columns_of_agent
 
 
 def score(
@@ -278,7 +278,14 @@ def _parts(log: Log) -> tuple[tuple[str, tuple[Array, ...]], ...]:
         for each in component.constants.items()
     ]
     return (
-        *((name, tuple(compress(columns, own[name]))) for name, columns in arrays),
+        *(
+            # the scenario of one of several knows its own pairs of bodies alone
+            (
+                name,
+                columns if name in COLLISIONS else tuple(compress(columns, own[name])),
+            )
+            for name, columns in arrays
+        ),
         *(
             (name, tuple(np.full(log.time.size, float(c)) for c in numbers))
             for name, numbers in constants

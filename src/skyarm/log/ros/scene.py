@@ -7,13 +7,13 @@ from typing import Protocol
 
 import numpy as np
 
-from skyarm.algebra import Scalar, Vec3
+from skyarm.algebra import Scalar
 from skyarm.dynamics.kinematics import every_joint, joint_placement
 from skyarm.log.ros.message_bytes import NANO, Values
 from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files.names import distinct
 from skyarm.vehicle import BASE, Vehicle
-from skyarm.world.scene.shapes import turn_onto
+from skyarm.vehicle.description import turn_onto
 from skyarm.world.scene.vehicle_shapes import matrices, quaternions_of, vehicle_shapes
 
 
@@ -140,7 +140,7 @@ class Frames:
                     BASE_LINK,
                     name,
                     rotor.position,
-                    quaternions_of(_upright(rotor.axis))[0],
+                    quaternions_of(np.array([turn_onto(rotor.axis)]))[0],
                 )
             )
         return transforms
@@ -172,11 +172,6 @@ def xyz(vector: Array | Iterable[Scalar]) -> Values:
 def quaternion(wxyz: Array) -> Values:
     """Message fields x, y, z, w of a quaternion wxyz, (4,) or (N, 4)."""
     return dict(zip("wxyz", wxyz.T, strict=True))
-
-
-def _upright(axis: Vec3) -> Array:
-    """Rotation matrix (1, 3, 3) that turns the z axis onto a given axis."""
-    return np.array([turn_onto((float(axis.x), float(axis.y), float(axis.z)))])
 
 
 COLORS = {
