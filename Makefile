@@ -120,6 +120,8 @@ films: $(VENV)/.thorough
 	$(BIN)/python -m skyarm film $(PRESS) docs/images/press_and_slide.webp --camera fixed --without ghost --fine \
 		--window 0 11 --speed 1.5 --size 720x450 --fps 12
 	$(BIN)/python -m skyarm film examples/pick_and_place_box.toml docs/images/pick_and_carry.webp $(SMALL)
+	$(BIN)/python -m skyarm film examples/reach_into_box.toml docs/images/reach_into_box.webp $(SMALL)
+	$(BIN)/python -m skyarm film examples/pick_with_fingers.toml docs/images/pick_with_fingers.webp $(SMALL)
 	$(BIN)/python -m skyarm film open_door docs/images/open_door.webp $(SMALL)
 	$(BIN)/python -m skyarm film two_carry_a_bar docs/images/two_carry_a_bar.webp --size 800x450 --fps 10 --speed 4 \
 		--fine --without ghost --camera fixed
