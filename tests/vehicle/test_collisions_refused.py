@@ -71,7 +71,8 @@ def hull(**words):
 BOX_SIZES = "collisions[s].size = "
 ONE_PLANE = "has all of its vertices in one plane: must have a volume"
 POSITIVE = "must be above 0"
-ONE_OF_TWO = "must be a hull, if it has vertices or mesh, and then have one of them"
+ONE_OF_TWO = "must have either vertices or mesh"
+NO_HULL = "must be 'hull' where vertices or mesh are stated"
 NAN, INF = float("nan"), float("inf")
 
 WRONG = [
@@ -136,10 +137,10 @@ WRONG = [
     ),
     (hull(vertices=[["a"] * 3] * 4), "collisions[s].vertices[0]", "must be a"),
     (hull(vertices=CUBE, size=[1.0]), "size = [1.0]", "unknown field"),
-    (ball(vertices=CUBE), "shape = 'sphere'", ONE_OF_TWO),
+    (ball(vertices=CUBE), "shape = 'sphere'", NO_HULL),
     # hulls of meshes
     (hull(mesh="cube.obj", vertices=CUBE), "shape = 'hull'", ONE_OF_TWO),
-    (ball(mesh="cube.obj"), "shape = 'sphere'", ONE_OF_TWO),
+    (ball(mesh="cube.obj"), "shape = 'sphere'", NO_HULL),
     (hull(mesh=""), "shape = 'hull'", ONE_OF_TWO),
     (hull(mesh=5), "collisions[s].mesh = 5", "must be text"),
     (hull(mesh="absent.obj"), "mesh = 'absent.obj'", "no such file"),

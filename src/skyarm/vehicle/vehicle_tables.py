@@ -479,7 +479,11 @@ def _collision(
     shape = fields.choice("shape", tuple(COLLISION_SIZES))
     path, stated = fields.text("mesh", ""), fields.take("vertices", ())
     if (shape == "hull") != bool(path) ^ bool(stated):
-        why = "must be a hull, if it has vertices or mesh, and then have one of them"
+        why = (
+            "must have either vertices or mesh"
+            if shape == "hull"
+            else "must be 'hull' where vertices or mesh are stated"
+        )
         refuse(fields.at("shape"), shape, why)
     label, scale, most = "", METRES, float(MOST_CORNERS)
     size: Sequence[float] | Array = ()

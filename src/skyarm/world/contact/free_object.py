@@ -101,7 +101,9 @@ class FreeObject(Carrier[ObjectMotion]):
     shape: Annotated[
         str, Unit("", "shape of the object", rule=coerce.word_of(SOLIDS))
     ] = "box"
-    size: Annotated[Scalars, positive("m", "lengths of the shape, as of a surface")]
+    size: Annotated[
+        Scalars, positive("m", "lengths of the shape, as of a surface")
+    ] = ()
     inertia: Annotated[
         Vec3,
         nonnegative(
