@@ -61,7 +61,8 @@ def complete_shape(
     if (shape == "hull") != bool(corners):
         missing = "is missing; a hull has four or more"
         raise error(f"{where}.vertices: {without if corners else missing}")
-    if record.faces or not corners or not all(concrete(*each) for each in corners):
+    # symbolic corners keep the faces of the numbers that they stand for
+    if not corners or not all(concrete(*each) for each in corners):
         return
     try:
         faces = convex_hull(np.array(corners, float), len(corners))[1]

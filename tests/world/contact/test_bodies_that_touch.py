@@ -167,6 +167,20 @@ def test_a_drop_never_gains_energy(kind, floor):
     assert rise < 1e-4 * GRAVITY * 0.3
 
 
+@pytest.mark.parametrize("speed", [2.0, 8.0])
+def test_a_fast_plate_just_above_the_ground_bounces_with_its_energy(speed):
+    vehicle = solid(shape("box", (0.4, 0.4, 0.02)))
+    start = dataclasses.replace(
+        at_rest(vehicle, (0.0, 0.0, 0.016)), velocity=Vec3(0.0, 0.0, -speed)
+    )
+    elastic = Material(friction=0.0, dissipation=0.0)
+    flight = flown(vehicle, start, (Surface(name="ground", material=elastic),), 0.05)
+    gained = GRAVITY * (start.position.z - flight[-1].position.z)
+    assert flight[-1].velocity.z == pytest.approx(
+        math.sqrt(speed**2 + 2.0 * gained), rel=2e-3
+    )
+
+
 def test_two_spheres_part_with_the_momentum_that_they_bring():
     vehicle = solid(shape("sphere", (0.1,)))
     ball = FreeObject(
@@ -339,6 +353,18 @@ def test_a_hull_needs_vertices_and_an_object_of_it_moments():
         Surface(name="s", shape="hull")
     with pytest.raises(RecordError, match=r"object\.inertia: is missing"):
         FreeObject(name="o", mass=1.0, shape="hull", size=(), vertices=corners)
+
+
+def test_a_hull_whose_corner_moves_has_other_faces():
+    corners = tuple(
+        Vec3(*map(float, each))
+        for each in ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0.1, 0.1, 0.1))
+    )
+    hull = Surface(name="s", shape="hull", vertices=corners)
+    moved = dataclasses.replace(hull, vertices=(*corners[:4], Vec3(1.0, 1.0, 1.0)))
+    assert len(hull.faces) == 4
+    assert moved == Surface(name="s", shape="hull", vertices=moved.vertices)
+    assert len(moved.faces) == 6
 
 
 def test_a_uniform_capsule_has_the_moments_that_mujoco_computes():

@@ -174,3 +174,18 @@ def test_a_disc_lies_on_a_bar_at_both_ends_of_the_part_below_it():
     deep = [(round(float(at.x), 6), float(d)) for at, d, _ in found if d > 1e-6]
     assert [x for x, _ in sorted(deep)] == [-0.08, 0.08]
     assert [depth for _, depth in deep] == pytest.approx([1e-3, 1e-3])
+
+
+def test_a_short_capsule_lies_on_a_long_one_at_both_ends():
+    rows = (Vec3(0.0, 0.0, -1.0), Vec3(0.0, 1.0, 0.0), Vec3(1.0, 0.0, 0.0))
+    long, short = (
+        PlacedShape(
+            Surface(name="s", shape="capsule", size=(0.02, length)),
+            Mat3(*rows),
+            Vec3(0.05 * at, 0.0, height),
+        )
+        for length, at, height in ((0.3, 0.0, 0.0), (0.1, 1.0, 0.039))
+    )
+    for pair in ((long, short), (short, long)):
+        touching = [each for each in places(*pair) if each[1] > 1e-9]
+        assert sorted(round(float(at.x), 6) for at, _, _ in touching) == [0.0, 0.1]

@@ -159,7 +159,10 @@ def places(a: PlacedShape, b: PlacedShape) -> list[Place]:
         touching = _touching(a, b)
         if a.shape.shape == "capsule":
             # nothing is counted twice where an end touches as deep
-            low, high = (maximum(depth, 0.0) for _, depth, _ in touching)
+            if b.shape.shape == "capsule":
+                touching += _other_ends(a, b, touching)
+            ends = [maximum(depth, 0.0) for _, depth, _ in touching]
+            low, high = (reduce(maximum, ends[i::2]) for i in range(2))
             touching += _line(a, b, a.shape.size[0], (low, high))
         return touching
     found = [_touching(a, b), _swap(_touching(b, a))]
@@ -167,6 +170,21 @@ def places(a: PlacedShape, b: PlacedShape) -> list[Place]:
     if a.shape.shape == b.shape.shape == "box":
         found.append(list(edge_touches(a.box, b.box)))
     return [each for some in found for each in some]
+
+
+def _other_ends(a: PlacedShape, b: PlacedShape, ours: Sequence[Place]) -> list[Place]:
+    """Places at which the ends of the second of two capsules touch the first, but where
+    an end of the first touches already.
+    """
+    found = []
+    for place, deep, normal in _swap(_touching(b, a)):
+        left = deep
+        for other, taken, _ in ours:
+            way = place - other
+            near = 1.0 - sqrt(way.dot(way) + _TINY**2) * divide(1.0, b.shape.size[0])
+            left = left - maximum(taken, 0.0) * maximum(near, 0.0)
+        found.append((place, left, normal))
+    return found
 
 
 def _comes_second(a: str, b: str) -> bool:

@@ -24,7 +24,7 @@ from skyarm.dynamics.kinematics import every_rate
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.immutable import field_if_any, immutable, positional
 from skyarm.records.leaves import as_data
-from skyarm.vehicle import BASE, Vehicle
+from skyarm.vehicle import BASE, Joint, Vehicle
 from skyarm.vehicle.vehicle_records import Collision
 from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame
 from skyarm.world.contact.contact_point import BASE_NAME, body_axes
@@ -300,7 +300,7 @@ def gap_of_ball(centre: Vec3, reach: Scalar, side: Side) -> tuple[Scalar, Scalar
     """
     shapes = [each.shape.shape for each in side.parts]
     theirs: Scalar = 0.0
-    if shapes[0] not in HOLLOW:
+    if shapes[0] != "plane":
         theirs = reduce(maximum, [each.reach for each in side.parts])
     speed = speed_of(side.frame, theirs)
     if len(shapes) == 1 and shapes[0] != "hull":
@@ -317,11 +317,18 @@ def whole_ball(motion: PointMotion) -> tuple[Vec3, Scalar, Scalar]:
     """
     vehicle, state = motion.vehicle, motion.state
     far = dict[int, Scalar]({BASE: 0.0})
-    for i, link in enumerate(vehicle.moving):
+    slides = [_farthest(link.joint) for link in vehicle.links]
+    # a follower has no limits of its own: it goes where its leader takes it
+    slides += [
+        absolute(each.ratio) * _farthest(vehicle.links[each.leader].joint)
+        + absolute(each.offset)
+        for each in vehicle.followers
+    ]
+    for i, (link, slide) in enumerate(zip(vehicle.moving, slides, strict=True)):
         joint = link.joint
         far[i] = far[link.parent] + sqrt(joint.position.dot(joint.position) + _TINY)
         if joint.kind == "prismatic":
-            far[i] = far[i] + maximum(absolute(joint.lower), absolute(joint.upper))
+            far[i] = far[i] + slide
     reach: Scalar = 0.0
     for each in vehicle.collisions:
         part = part_of_vehicle(each, Material())
@@ -335,6 +342,16 @@ def whole_ball(motion: PointMotion) -> tuple[Vec3, Scalar, Scalar]:
     return state.position, reach, speed
 
 
+INTO_STOP = 0.02
+"""Way (m) that a joint may go beyond its limit: twice that of a strong drive on a light
+link (docs/vehicle_files.md)."""
+
+
+def _farthest(joint: Joint) -> Scalar:
+    """Largest position (rad or m) of a joint either way from zero."""
+    return maximum(absolute(joint.lower), absolute(joint.upper)) + INTO_STOP
+
+
 @positional
 class Press:
     """Normal forces between two shapes, summed over the places at which they touch.
@@ -344,8 +361,8 @@ class Press:
             squared distance from the first body's origin, N m^2.
         push: sum of the force vectors on the first, N, world axes. torque: about the
             first body's origin, N m.
-        depth: largest penetration, m. square: of the largest speed at which places
-            that touch move along each other, m^2/s^2.
+        depth: largest penetration, m. square: of the largest speed of the places
+            against each other, and of any points of shapes that do not touch, m^2/s^2.
     """
 
     force: Scalar
@@ -373,8 +390,20 @@ def _press(record: Shapes) -> Press:
         way = b.position - a.position
         both = a.shape.farthest + b.shape.farthest
         gap = sqrt(way.dot(way) + _TINY) - both
-    apart = Press(0.0, _NOTHING, 0.0, _NOTHING, _NOTHING, -gap, 0.0)
+    speed = _fastest(record)
+    apart = Press(0.0, _NOTHING, 0.0, _NOTHING, _NOTHING, -gap, speed * speed)
     return compute_where(gap < 0.0, _press_at_places, record, apart)
+
+
+def _fastest(record: Shapes) -> Scalar:
+    """Largest speed (m/s) of any points of two shapes against each other."""
+    total: Scalar = 0.0
+    for each, frame in zip(record[:2], record[2:4], strict=True):
+        way = each.position - frame.position
+        plane = each.shape.shape == "plane"
+        reach = 0.0 if plane else sqrt(way.dot(way) + _TINY) + each.shape.farthest
+        total = total + speed_of(frame, reach)
+    return total
 
 
 def _press_at_places(record: Shapes) -> Press:
@@ -395,7 +424,9 @@ def _press_at_places(record: Shapes) -> Press:
         moment = moment + place * pressing
         second = second + lever.dot(lever) * pressing
         depth = maximum(depth, deep)
-        square = maximum(square, where(deep > 0.0, slip.dot(slip), 0.0))
+        square = maximum(square, slip.dot(slip))
+    # a body that turns may arrive with another place than the nearest
+    square = where(depth > 0.0, square, _fastest(record) * _fastest(record))
     # a component that is always zero is an int, which a loop does not carry
     return as_data(Press(force, moment, second, push, torque, depth, square))
 
