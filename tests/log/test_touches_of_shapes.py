@@ -50,6 +50,9 @@ def test_touched_pairs_are_reported_with_first_touch_and_largest_force(landed):
     assert abs(int(np.argmax(low)) - first) <= 1
     assert landed.contact_periods[0].start == landed.time[first]
     assert contact_pairs(landed, "collision_force")[0] == ("base", "room/floor")
+    (fact,) = facts(landed)["contacts"]
+    assert fact["pair"] == "base/room/floor"
+    assert not {"surface", "point"} & {*fact}
     start = f"base touched room/floor at {landed.time[first]:g} s: lost "
     lines = map(str, summary(landed, facts(landed)))
     (line,) = (each for each in lines if each.startswith(start))

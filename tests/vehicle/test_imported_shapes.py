@@ -342,14 +342,13 @@ def test_what_is_not_used_stands_in_a_note(tmp_path):
             "<plane><normal>0 0 1</normal></plane>",
             "<ellipsoid><radii>1 2 3</radii></ellipsoid>",
             "<mesh><uri>part.dae</uri></mesh>",
-            "<mesh><uri>absent.stl</uri></mesh>",
             "<sphere><radius>0.1</radius></sphere>",
         ],
     )
     (tmp_path / "part.dae").write_text("<COLLADA/>")
     vehicle, _ = load_with_bodies(path, "file")
     assert [each.shape for each in vehicle.collisions] == ["sphere"]
-    for word in ("plane", "ellipsoid", r"mesh> .*part\.dae", r"mesh> .*absent\.stl"):
+    for word in ("plane", "ellipsoid", r"mesh> .*part\.dae"):
         (note,) = [n for n in vehicle.notes if re.search(f"<{word}", n)]
         assert "left out: must be sphere, capsule, box, cylinder or a mesh of" in note
     text = path.read_text().replace("<pose>", '<pose relative_to="x">')
@@ -364,6 +363,23 @@ def test_what_is_not_used_stands_in_a_note(tmp_path):
     )
     vehicle, _ = load_with_bodies(other, "file")
     assert "link b: its ellipsoid left out: no shape that touches" in vehicle.notes
+
+
+def test_an_absent_mesh_is_refused_with_its_element_path_and_cure(tmp_path):
+    absent = sdf(tmp_path, ["<mesh><uri>absent.stl</uri></mesh>"])
+    # SDF names meshes from the folder of the file that states them
+    cases = [("base", absent, str(tmp_path / "absent.stl"))]
+    cases.append(("l0", urdf(tmp_path, 1, mesh="absent.stl"), "absent.stl"))
+    for link, path, name in cases:
+        assert load_vehicle(path).collisions == ()
+        for how in ("file", "capsules"):
+            with pytest.raises(ValueError, match="mesh") as refused:
+                load_with_bodies(path, how)
+            assert str(refused.value) == (
+                f"{path}: link[{link}].collision.mesh = {name!r}: must be a file that"
+                " is there; put it there, or take import_collisions = 'none' or"
+                " [[collisions]]"
+            )
 
 
 def test_a_hull_of_few_corners_says_how_far_inside_its_mesh_it_lies(tmp_path):

@@ -18,7 +18,7 @@ from skyarm.log.metrics.metric_catalogue import TEAMS, metric_words
 from skyarm.log.metrics.path_distance import path_distance
 from skyarm.log.metrics.score import score
 from skyarm.log.metrics.windows import Windows, windows_of
-from skyarm.log.periods import ContactPeriod, timed_out
+from skyarm.log.periods import ContactPeriod, contact_pairs, timed_out
 from skyarm.log.sensor_data import COMPONENTS
 from skyarm.records.arrays import Array, lengths
 from skyarm.records.files import printable
@@ -215,17 +215,21 @@ def _has_battery(log: Log) -> bool:
 
 
 def _contacts(log: Log) -> list[Facts]:
-    """List contacts by surface and contact point: first touch (s), losses of contact,
-    largest force (N).
+    """List contacts by surface and contact point or by pair of bodies: first touch (s),
+    losses of contact, largest force (N).
     """
+    bodies = contact_pairs(log, "collision_force")
     pairs: dict[tuple[str, str], list[ContactPeriod]] = {}
     # by surface and point, in the order of the first touch
     for period in log.contact_periods:
         pairs.setdefault((period.surface, period.point), []).append(period)
     return [
         {
-            "surface": surface,
-            "point": point,
+            **(
+                {"pair": f"{surface}/{point}"}
+                if (surface, point) in bodies
+                else {"surface": surface, "point": point}
+            ),
             "first_touch": periods[0].start,
             "losses": sum(each.end is not None for each in periods),
             "peak": max(each.peak for each in periods),
@@ -391,9 +395,11 @@ def sentences(values: Facts) -> list[str]:
             else []
         )
     for each in values.get("contacts", ()):
-        touch = (
-            f"{each['surface']} touched {each['point']} at {each['first_touch']:g} s"
-        )
+        if "pair" in each:
+            first, _, second = each["pair"].partition("/")
+        else:
+            first, second = each["surface"], each["point"]
+        touch = f"{first} touched {second} at {each['first_touch']:g} s"
         times = "once" if each["losses"] == 1 else f"{each['losses']} times"
         lines.append(f"{touch}: lost {times}, largest force {each['peak']:.3g} N")
     for each in values.get("mechanisms", ()):

@@ -619,9 +619,16 @@ def looks_of(link: ET.Element, urdf: Path, notes: Notes) -> list[Look]:
 
 LEFT_OUT = (
     f"left out: must be {', '.join([*COLLISION_SIZES][:4])} or a mesh of"
-    f" {' or '.join(MESHES)} that is there, and not relative_to another frame"
+    f" {' or '.join(MESHES)}, and not relative_to another frame"
 )
 """Note on a shape that cannot be used."""
+
+
+NO_MESH = (
+    "must be a file that is there; put it there, or take import_collisions = 'none' or"
+    " [[collisions]]"
+)
+"""What is allowed for the mesh of a shape that touches, with cures."""
 
 
 def _shape_of(
@@ -633,6 +640,9 @@ def _shape_of(
     shape, pose = next(element.iterfind("geometry/*"), element), element.find("pose")
     kind, name = shape.tag, _entry(shape, "filename") or _entry(shape, "uri")
     mesh = mesh_file(name, file) if kind == "mesh" else None
+    if kind == "mesh" and not mesh:
+        # without it the body would fly through what it hits
+        refuse(f"link[{link}].collision.mesh", name, NO_MESH)
     usable = mesh.suffix.lower() in MESHES if mesh else kind in COLLISION_SIZES
     if not usable or (pose is not None and pose.get("relative_to")):
         notes.add(f"its <{kind}> {name} {LEFT_OUT}", link, "link")

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from skyarm.view.figures.flight_facts import applied_force
 from skyarm.view.figures.flight_plot import plot
 from skyarm.world.contact.contact_point import ContactPoint
 from skyarm.world.contact.surface import Surface
+from support.shaped import shaped
 from support.teams import team, with_world
 
 
@@ -166,6 +168,38 @@ def touching() -> Log:
         for name, own in log.agents.items()
     }
     return type(log)(pressed, log.info)
+
+
+def test_forces_of_bodies_that_touch_are_drawn_for_the_vehicles_they_are_of(
+    tmp_path: Path,
+) -> None:
+    ball = shaped(tmp_path, [{"shape": "sphere", "size": [0.2]}])
+    surge = {"kind": "ramp", "start": 0.0, "duration": 0.5, "height": 0.4}
+    down = [{"kind": "constant", "value": 0.22}, {**surge, "height": -0.2}]
+    agents = {
+        name: {
+            "plant": {"vehicle": ball},
+            "controller": {"law": "decoupled_pd"},
+            "reference": {"base": {"kind": "signals", "x": x, "z": z}},
+        }
+        for name, x, z in (("left", surge, down), ("right", 0.45, down), ("off", 3, 1))
+    }
+    document = {"schema": 1, "name": "touches", "duration": 0.8}
+    world = {"surfaces": [{"name": "ground"}]}
+    together = {**document, "agents": agents, "world": world}
+    log = skyarm.run(skyarm.scenario_from(together, tmp_path))
+    drawn = panels(plot(log, kind="contact"))
+    assert {label: [*lines] for label, lines in drawn.items()} == {
+        "left.base, ground [N]": ["left"],
+        "right.base, ground [N]": ["right"],
+        "left.base, right.base [N]": ["left", "right"],
+    }
+    single = {**document, **agents["left"], "world": world}
+    alone = skyarm.run(skyarm.scenario_from(single, tmp_path))
+    force = alone.component("collision_force")[:, 0]
+    (axes,) = plot(alone, kind="contact").axes
+    assert axes.get_ylabel() == "base, ground [N]"
+    assert axes.get_lines()[0].get_ydata().max() == force.max() > 0.0
 
 
 def test_the_force_of_a_contact_is_that_of_its_point_s_vehicle() -> None:

@@ -26,6 +26,7 @@ from skyarm.records.immutable import immutable, positional
 from skyarm.records.plain import plain
 from skyarm.scenario.payload_tables import scheduled_changes
 from skyarm.scenario.scenario_record import Scenario
+from skyarm.world.contact.contact_point import BASE_NAME
 
 MOST_PATHS = 3
 """Number of changed paths that the legend names; for more it gives their number."""
@@ -299,6 +300,20 @@ def parts_of_others(log: Log) -> frozenset[str]:
     grasps = [each for each in world.grasps if each.agent not in own]
     return frozenset(
         [*names, *(each.label for each in grasps), *(each.agent for each in grasps)]
+    )
+
+
+def touches_own_body(log: Log, pair: Sequence[str]) -> bool:
+    """Tell whether a pair of bodies that touched has one of a log's vehicle."""
+    scenario = scenario_of(log)
+    if scenario is None:
+        return True
+    # of several vehicles each body has the vehicle's name before its own
+    return any(
+        each.startswith(f"{name}.") for name in scenario.agents for each in pair
+    ) or any(
+        pair[0] in (BASE_NAME, *(link.name for link in agent.plant.vehicle.moving))
+        for agent in scenario.agents.values()
     )
 
 

@@ -26,6 +26,7 @@ from skyarm.view.figures.flight_facts import (
     grasp_pulls,
     parts_of_others,
     scenario_of,
+    touches_own_body,
 )
 
 Read = Callable[[Log], Array | None]
@@ -194,14 +195,15 @@ def _thrust(log: Log) -> Array | None:
 
 
 def _contact(logs: Logs) -> Panels:
-    """Make panels of contact forces: one per pair of surface and point that touched,
-    and per body in grasps.
+    """Make panels of contact forces: one per pair of surface and point or of two bodies
+    that touched, and per body in grasps.
     """
     pairs = dict.fromkeys(
-        pair
+        (array, *pair)
+        for array in ("contact_force", "collision_force")
         for log in logs
         for pair, force in zip(
-            contact_pairs(log), log.component("contact_force").T, strict=False
+            contact_pairs(log, array), log.component(array).T, strict=False
         )
         if np.any(force > 0.0)
     )
@@ -209,14 +211,16 @@ def _contact(logs: Logs) -> Panels:
         Panel(
             label=f"{surface}, {point}",
             unit="N",
-            of=_pair_force(surface, point),
-            desired=lambda log, point=point: (
-                desired_push(log) if point in points_at_tip(log) else None
+            of=_pair_force(array, surface, point),
+            desired=lambda log, array=array, point=point: (
+                desired_push(log)
+                if array == "contact_force" and point in points_at_tip(log)
+                else None
             ),  # type: ignore[misc]
             magnitude=True,
             span=0.1,
         )
-        for surface, point in pairs
+        for array, surface, point in pairs
     ] + _grasps(logs)
 
 
@@ -243,15 +247,19 @@ def _pull(body: str) -> Read:
     return read
 
 
-def _pair_force(*pair: str) -> Read:
+def _pair_force(array: str, *pair: str) -> Read:
     """Make a function that reads the normal force (N) between a surface and a contact
-    point from a log.
+    point, or of two bodies, from a log.
     """
 
     def read(log: Log) -> Array | None:
-        pairs = contact_pairs(log)
-        forces = log.component("contact_force")
-        owned = pair in pairs and pair[1] not in parts_of_others(log)
+        pairs = contact_pairs(log, array)
+        forces = log.component(array)
+        owned = pair in pairs and (
+            pair[1] not in parts_of_others(log)
+            if array == "contact_force"
+            else touches_own_body(log, pair)
+        )
         return (
             forces[:, pairs.index(pair)]
             if owned and forces.shape[1] == len(pairs)
