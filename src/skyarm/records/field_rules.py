@@ -171,6 +171,7 @@ def _with_bounds(rule: Rule, unit: Unit) -> Rule:
             for name in type(converted).__slots__:
                 if concrete(each := getattr(converted, name)):
                     _within(f"{field}.{name}", each, unit)
+        # True is a number to Python, and no bound is meant for it
         elif concrete(converted) and type(converted) is not bool:
             _within(field, converted, unit)
         return converted
@@ -201,6 +202,7 @@ def _numeric(annotation: object, unit: Unit) -> Rule:
         return several
 
     def one(field: str, value: Any) -> object:
+        # a bound itself goes to make, which knows whether it is allowed
         if type(value) in stored and low < value < high:
             return value
         return make(field, value, unit)
@@ -365,6 +367,7 @@ def _one_of(options: tuple[object, ...], unit: Unit) -> Rule | None:
     def rule(field: str, value: object) -> object:
         if value is None and type(None) in options:
             return None
+        # one message for all records, where the last rule's would name one
         if len(kinds) == len(member_rules):
             return (
                 value

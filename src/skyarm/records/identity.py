@@ -104,6 +104,7 @@ def _pairs(things: Iterable[object]) -> set[Pair]:
     seen = {}
     while waiting:
         value = waiting.pop()
+        # an enum's class may be the user's, even if its members are numbers
         if value is None or (
             isinstance(value, (bool, int, float, str)) and not isinstance(value, Enum)
         ):

@@ -166,11 +166,13 @@ def _quick_dataclass(
     """
     own: dict[str, Any] = dict(vars(dataclasses))
     process = own.get("_process_class")
+    # where dataclasses do not call it by that name, a replacement would have no effect
     if replaced not in own or replaced not in getattr(
         getattr(process, "__code__", None), "co_names", ()
     ):
         return dataclass
     own[replaced] = _frozen_methods
+    # a function finds the others in the module that it was made with, hence new ones
     for name in ("_process_class", "dataclass"):
         theirs = own[name]
         own[name] = FunctionType(theirs.__code__, own, name, theirs.__defaults__)

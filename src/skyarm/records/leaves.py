@@ -254,6 +254,7 @@ def replace_at(record: Record, values: Mapping[Place, object]) -> Record:
         whole = values[()]
     elif isinstance(whole, tuple):
         whole = tuple(
+            # a place holds an index as text
             replace_at(item, below[str(i)]) if str(i) in below else item
             for i, item in enumerate(whole)
         )

@@ -177,6 +177,7 @@ def _bound(function: object) -> list[object]:
     """
     owner = getattr(function, "__self__", None)
     cells = getattr(function, "__closure__", None) or ()
+    # the owner of a built-in function is its module, which distinguishes nothing
     return [
         *([] if owner is None or isinstance(owner, ModuleType) else [owner]),
         *(c.cell_contents for c in cells),

@@ -159,7 +159,9 @@ def make_at(where: str, kind: Callable[..., Record], /, **values: object) -> Rec
     try:
         return kind(**values)
     except ValueError as error:
+        # last word of the table's place, without the name or index in brackets
         words, last = str(error), re.sub(r"\[\w+\]$", "", where).rpartition(".")[2]
+        # a table inside has named its whole place already
         if words.startswith(where):
             raise ValueError(words) from None
         called = words_of_fields(kind)
@@ -208,6 +210,7 @@ def numbers_from(
                 name, low=unit.low, strict=unit.strict, infinite=unit.infinite
             )
         except ValueError as error:
+            # a missing field has no value whose unit could be wrong
             raise ValueError(
                 f"{error}, {unit.unit}"
                 if unit.unit and name in fields.table
@@ -308,6 +311,7 @@ def _several(kind: object, fields: Fields, name: str) -> tuple[object, ...]:
         if not isinstance(values, list):
             raise ValueError(f"{at} = {shown(values)}: must be a list")
         return tuple(read(each, f"{at}[{i}]") for i, each in enumerate(values))
+    # a Vec3 is a record as well, but three numbers in a file
     if is_record_class(kind) and kind is not Vec3:
         return tuple(record_from(kind, table) for table in fields.tables(name))
     if kind is not Vec3 and typing.get_origin(kind) is not tuple:

@@ -235,6 +235,7 @@ def number(
     """Check that a value is a number: finite by default, not below ``low`` (above it if
     strict).
     """
+    # almost all values, without the slower checks that follow
     if type(value) is float and low < value < math.inf:
         return value
     try:  # NumPy's numbers are Real too

@@ -190,6 +190,7 @@ def is_checkout(folder: Path) -> bool:
             f'name = "{PACKAGE}"'
             in (folder / "pyproject.toml").read_text("utf-8").splitlines()
         )
+    # a ValueError is text that is not UTF-8
     except (OSError, ValueError):
         return False
 

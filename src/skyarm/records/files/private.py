@@ -90,9 +90,11 @@ def read_private(file: Path, most: int, *, secret: bool = False) -> bytes | None
     """
     try:
         descriptor = os.open(file, _READ)
+    # a ValueError is a path with a zero byte
     except (OSError, ValueError):
         return None
     try:
+        # of the open file, because its path may lead to another one by now
         status = os.fstat(descriptor)
         if not stat.S_ISREG(status.st_mode) or status.st_size > most:
             return None

@@ -138,6 +138,7 @@ def _remove_unlocked(path: Path) -> None:
     if os.name == "nt":
         path.unlink()
         return
+    # a link there is not followed, and a pipe there is not waited for
     handle = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK)
     try:
         _lock(handle)

@@ -230,6 +230,7 @@ def class_mistake(kind: type) -> Mistake | None:
     if not bases or kind in bases:
         return None
     for name, given in _members(bases):
+        # static, because a property of the user must not run for its check
         member = inspect.getattr_static(kind, name)
         # what the library itself overrides is right
         if any(member is vars(each).get(name) for each in bases):

@@ -551,6 +551,7 @@ def _require_plugin(module: str, plugins: Mapping[str, str]) -> None:
             != module
         ):
             continue
+        # the first 15 letters are "sha256:" and the eight digits of the module's name
         here = identities().get(file)
         why, which = "is not loaded", "it"
         if here is not None:
