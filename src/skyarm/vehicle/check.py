@@ -50,6 +50,7 @@ def accept_named(record: Any, kind: str) -> None:
     Raises:
         VehicleError: one line with field, value and what is allowed.
     """
+    # a follower's link may be of a wrong type, which is refused below
     name = (
         record.link.name
         if kind == "follower" and hasattr(record.link, "name")

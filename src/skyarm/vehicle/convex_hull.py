@@ -104,6 +104,7 @@ def convex_hull(points: Array, most: float) -> tuple[IntArray, IntArray, float]:
         if height <= FLAT * size:
             raise ValueError("has all of its vertices in one plane: must have a volume")
         rest = rest - np.outer(rest @ way, way) / height**2
+    # the four faces are counter-clockwise for corners of positive volume only
     if np.linalg.det(points[corners[1:]] - points[corners[0]]) < 0.0:
         corners[:2] = corners[1::-1]
     faces = np.array(corners)[[[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]]
@@ -127,4 +128,5 @@ def convex_hull(points: Array, most: float) -> tuple[IntArray, IntArray, float]:
         # an edge between two faces that the new corner sees is inside the new hull
         cone = [(i, j, apex) for i, j in sorted(edges) if (j, i) not in edges]
         faces = np.concatenate([faces[~seen], cone])
+        # a hull only grows, so points inside it need no further look
         outside = outside[tops > FLAT * size]

@@ -83,6 +83,7 @@ def collision_of(
     corners: tuple[Vec3, ...] = ()
     if isinstance(size, np.ndarray):
         kept, _, left = convex_hull(size, most)
+        # within the rounding at which a point counts as inside no corner is missing
         if left > FLAT * np.ptp(size, axis=0).max():
             inside = f"up to {1e3 * left:.2g} mm inside that of its points"
             notes.add(f"hull of {len(kept)} corners, {inside}", name, "shape")
@@ -159,8 +160,10 @@ def capsule_around(balls: Array, name: str, link: int) -> Collision:
     """
     centres, radii = balls[:, :3], balls[:, 3]
     turn = np.linalg.eigh(np.cov(centres.T, bias=True))[1]
+    # eigenvectors may be left-handed; the longest axis is the last, as eigh sorts
     turn[:, 0] *= np.linalg.det(turn)
     x, y, z = (centres @ turn).T
+    # the middle of their extent: near the smallest radius, without a search
     u, v = (0.5 * (min(each - radii) + max(each + radii)) for each in (x, y))
     off = np.hypot(x - u, y - v)
     radius = float(max(off + radii))

@@ -258,6 +258,7 @@ def _at_rest(model: MjModel, root: int) -> MjData:
     import mujoco
 
     if _joints(model, root):
+        # where the file puts a floating base is no property of the vehicle
         model.body_pos[root], model.body_quat[root] = (0, 0, 0), (1, 0, 0, 0)
     data = mujoco.MjData(model)
     for joint in _joints(model, root)[:1]:
@@ -519,6 +520,7 @@ def read_scene(
         if kind != "plane":
             size = _size_of(model, geom, kind)
             shape = collision_of(shape.name, kind, shape, size, notes, most)
+        # the first number is for sliding, the other two for spinning and rolling
         shapes.append((shape, float(model.geom_friction[geom][0])))
     if not shapes:
         refuse("geoms", 0, "must be one or more that touch (contype or conaffinity)")

@@ -666,6 +666,7 @@ def drives_of_file(
     """
     notes = Notes()
     drives = mounted_drives(bodies.drives, "drives")
+    # a drive that states no largest step can be stepped at any
     fast = {
         each.name for each in drives if (each.drive.largest_step or FASTEST) < FASTEST
     }
