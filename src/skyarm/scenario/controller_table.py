@@ -454,6 +454,7 @@ def _require_clock(fields: Fields, timing: Mapping[str, float]) -> None:
     if period is None:
         return
     at, ticking = fields.at("control_period"), timing["control_period"]
+    # decimals of a file round one over the rate
     if not math.isclose(number(period, at), ticking, rel_tol=1e-6):
         raise ValueError(
             f"{at} = {period!r}: must be {ticking:g} s, as rates.control has it"

@@ -401,6 +401,7 @@ def _try_in_order(
     def tick(named: tuple[str, Change]) -> int:
         return named[1].tick(rate)
 
+    # the sort is stable, so changes of one period keep the order of the file
     for _, group in itertools.groupby(sorted(changes, key=tick), key=tick):
         overrides, now = try_changes(begun, now, overrides, list(group))
 
@@ -433,6 +434,7 @@ def try_changes(
                 )
             following = following.with_change(change)
             if is_part(change.path, change.value):
+                # a number that follows in the same period may lie in the new section
                 now = following.of(begun)
     with _name_change_in_errors(changes[0][0] if len(changes) == 1 else ""):
         now = following.of(begun)
@@ -603,6 +605,7 @@ def _held_throughout(scenario: Scenario) -> dict[str, object]:
         ("plant", vehicle.links, scenario.agent.all_drives),
         ("model", model.vehicle.links, believed_drives(model)),
     ):
+        # drives are none, or one for each joint
         for link, drive in zip(links, drives, strict=False):
             if hasattr(drive, "latency"):
                 settings[f"{root}.drives.{link.joint.name}.latency"] = drive.latency

@@ -387,6 +387,7 @@ def _declaration(record: object, place: Place) -> Unit:
             unit = said
         slides = getattr(record, "kind", "revolute") == "prismatic"
         if " or " in unit.unit and hasattr(record, "kind"):
+            # "rad or m" is of a joint that turns, and of one that slides
             unit = replace(unit, unit=unit.unit.split(" or ")[1 if slides else 0])
         record = getattr(record, name)
     return unit

@@ -87,6 +87,7 @@ class Ceilings:
         """
         index = np.clip(np.round(at / GRID).astype(int), 0, len(values) - 1)
         lowered = np.full_like(values, math.inf)
+        # several times may fall on one grid point, where plain indexing keeps the last
         np.minimum.at(lowered, index, to)
         reach = math.ceil(CALM * rate / GRID)
         padded = np.concatenate(
@@ -241,11 +242,13 @@ def even_rates(judge: Judge, ceilings: Ceilings) -> None:
         over = judge.over((path, still + rate, still, still, still), path / rate).max(
             axis=0
         )
+        # a point where a faster rate was feasible is done
         open_ &= (over > SLACK) & inside
         if open_.any():
             ceilings.lower(
                 ceilings.rate,
                 path[open_],
+                # to the next slower rate, as this one is not feasible there
                 np.full(int(open_.sum()), rate * RATES[1]),
                 SLOWEST,
                 rate,

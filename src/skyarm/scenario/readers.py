@@ -594,6 +594,7 @@ def team(entry: object, path: str, reading: ScenarioWords) -> Team:
     motion = motion_of_object(
         Fields(reading.entry_at("reference.object"), "reference.object"), body.position
     )
+    # all members hold from the last of these instants on
     take = max(float(record.take), *(float(each.close) for each in grasps))
     if float(motion.lift) < take:
         words = (
@@ -688,6 +689,7 @@ def initial_state(fields: Fields, scenario: Scenario) -> State:
         trim = dataclasses.replace(trim, rotor_speeds=(0.0,) * len(trim.rotor_speeds))
     quaternion = fields.numbers("quaternion_wxyz", list(trim.quaternion))
     check_quaternion(quaternion)
+    # decimals of a file have length 1 up to rounding only
     length = math.sqrt(sum(c * c for c in quaternion))
     vectors = {
         name: Vec3(*fields.vector(name, tuple(getattr(trim, name))))

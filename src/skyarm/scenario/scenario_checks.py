@@ -284,6 +284,7 @@ def clocks_of_law_agree(scenario: Scenario) -> None:
         )
     for clock, rate in (("control", rates.control), ("reference", rates.reference)):
         period = getattr(par, f"{clock}_period", None)
+        # 1e-6, because a stated period in decimals rounds one over the rate
         if period is not None and concrete(period) and abs(period * rate - 1.0) > 1e-6:
             raise ValueError(
                 f"controller.{clock}_period = {period!r}: must be {1.0 / rate:g} s, as"
@@ -526,6 +527,7 @@ def _counts_of_law(
         yield "mixer.highest", mixer.highest, rotors
         yield "mixer.inverse", mixer.inverse, rotors
         for i, row in enumerate(mixer.inverse):
+            # of thrust and three torques
             yield f"mixer.inverse[{i}]", row, 4
         if mixer.across:
             yield "mixer.across", mixer.across, rotors

@@ -90,6 +90,7 @@ def _path(names: FieldPath) -> str:
     if names[0] == AGENTS and len(names) > 2:
         own = _path(("agent", *names[2:])).removeprefix("agent.")
         return f"{OF_AGENT}{names[1]}.{own}"
+    # longest place first, because a shorter one may contain it
     for slot in sorted(slots(Scenario), key=lambda slot: -len(slot.place)):
         head, tail = names[: len(slot.place)], names[len(slot.place) :]
         if matches(head, slot.place):

@@ -180,6 +180,7 @@ class PartialState(State):
         complete one if none is.
         """
         blank = leaves.parts(example_state(*vehicle.sizes))
+        # a field that is empty for this vehicle, as without joints, is never lacking
         lacking = tuple(
             name for name in OF_TRIM if name in left_out and blank[name] != ()
         )
@@ -422,6 +423,7 @@ def _plain_value(field: str, value: object, whole: bool = True) -> Any:
         return tuple(
             _plain_value(f"{field}[{i}]", each) for i, each in enumerate(value)
         )
+    # before the numbers, because Python counts True among them
     if isinstance(value, (bool, str)) or (whole and isinstance(value, (int, float))):
         return value
     if isinstance(value, numbers.Real):

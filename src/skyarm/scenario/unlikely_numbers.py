@@ -310,6 +310,7 @@ def _inertias(vehicle: Vehicle) -> Iterator[str]:
         body.com for body in vehicle.bodies
     ]
     extent = max(SMALLEST, *map(_norm, placed))
+    # a stretched arm reaches as far as its joints' offsets together
     extent = max(extent, sum(_norm(link.joint.position) for link in vehicle.links))
     arm = max((_norm(each.position) for each in vehicle.rotors), default=0.0)
     least = vehicle.base.inertia

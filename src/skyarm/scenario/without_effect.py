@@ -158,6 +158,7 @@ def _blind_axes(
         for part in parts:
             calm = forces(part, ZERO3)
             for axes, air in AIRS.items():
+                # in this form a NaN counts as a reaction
                 if not np.abs(forces(part, air) - calm).max() < NOTHING:
                     blind -= {*axes}
         return blind
