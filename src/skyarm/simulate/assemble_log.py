@@ -221,6 +221,7 @@ def state_arrays(
         x: states, a row each.
         u: commands, a row each.
     """
+    # columns in the order of State: 13 numbers of the base, joints, their rates, rotors
     n = vehicle.n
     rotors = len(vehicle.rotors)
     tilts = (
@@ -349,6 +350,8 @@ def sensor_data(piece: AgentPiece) -> tuple[dict[str, Array], dict[str, Any]]:
         described[COMPONENTS] = Source(declared).plain
     for name, reading in flown.readings:
         i, sensor = sensors[name]
+        # rounded, because a quotient of frequencies that divide each other may be
+        # inexact
         every = (
             round(scenario.rates.control / sensor.frequency) if sensor.frequency else 1
         )

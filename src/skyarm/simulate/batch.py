@@ -159,6 +159,7 @@ class Batch:
         self._times = np.arange(scenario.steps) / scenario.rates.control
         self._masks = self.windows.masks(self._times)
         course = stretches(scenario)
+        # contracted code is faster, and its bits are not those of a single flight
         options = LegOptions(
             paths=self.paths,
             stiffest=stiffest,

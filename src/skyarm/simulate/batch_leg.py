@@ -107,6 +107,7 @@ class Feed:
         """Decode the closed-loop inputs of a period: references, desired positions,
         flags of the metrics' windows.
         """
+        # a window over the whole flight has no flag; flags are numbers, 0 or 1
         inside: dict[str, Scalar] = dict.fromkeys(self._windows, True)
         inside |= {
             name: flag > 0.5 for name, flag in zip(self._flags, fed.flags, strict=True)
@@ -215,6 +216,7 @@ def _instant(
     if not goals:
         free = waits.reference(*waits.instants(waits.log_values(own.clock, ticks))[1])
         goals = goal_of(vehicle, row.reference.dense()), goal_of(vehicle, free.dense())
+    # the first command has none before it, and counts as no change
     first = ticks < 0.5
     push, parts = _contact_inputs(stages.scenario, row, sample)
     pairs = zip(command.rotor_speeds, own.queue[-1].rotor_speeds, strict=True)

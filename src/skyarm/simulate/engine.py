@@ -324,11 +324,13 @@ class _PythonSteps:
             uniforms(*self._keys, channel, steps, many)
             for channel, many in self._loop.uniforms
         ]
+        # the empty first array serves a flight that draws nothing
         drawn = np.concatenate([np.zeros((len(steps), 0)), *draws], axis=1)
         for k, row in zip(range(begin, end), drawn.tolist(), strict=True):
             try:
                 outputs = self._step((*now, *numbers, *self._rows[k].tolist(), *row))
             except EpisodeEndedError as error:
+                # alive is the first number of the carry
                 now, self.command = (0.0, *now[1:]), (error.agent, error.command)
                 break
             now, self._log[k] = outputs[:count], outputs[count:]

@@ -356,6 +356,7 @@ class UserPart:
         if self.kind == "drive":
             joint = vehicle.joint_names.index(self.place.rpartition("plant.drives.")[2])
             position = state.joints[joint]
+            # 0.1 away, chosen, because at its setpoint a drive shows little of its law
             given |= {
                 "position": position,
                 "setpoint": 0.1 + position,

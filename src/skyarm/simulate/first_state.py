@@ -97,6 +97,7 @@ def _first_agent(scenario: Scenario, state: State) -> AgentLoop:
     standing = Command(
         rotor_speeds=state.rotor_speeds, efforts=setpoints, tilts=state.tilts
     )
+    # drives are none, or one for each joint
     return AgentLoop(
         state=state,
         memory=scenario.agent.controller.memory,

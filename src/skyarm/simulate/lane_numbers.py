@@ -149,6 +149,7 @@ def checked_array(
         array = np.asarray(given)
     except (TypeError, ValueError):
         raise ScenarioError(f"{field} = {shown(given)}: must be an array") from None
+    # of objects and texts the value says more than the shape
     if array.dtype.kind in "OSU":
         raise ScenarioError(f"{field} = {shown(given)}: must be {allowed}")
     if array.dtype.kind not in kinds or array.shape not in shapes:
@@ -241,6 +242,7 @@ def require_within_queue(scenario: Scenario, columns: Mapping[str, Array]) -> No
         for path, delay in delays.items():
             # both wait in one queue, one after the other
             late = delay if path == LATE else delays[LATE] + delay
+            # in this form a NaN is refused, too
             if not (delay.min() >= 0.0 and late.max() <= longest):
                 wrong = named[path if path in varied else varied[0]]
                 what = "" if path == LATE else f" with {LATE}"
@@ -487,6 +489,7 @@ def require_short_steps(
             )
         ]
         shortest, stiffest = math.inf, dict[str, float]()
+        # many lanes have the same numbers, of which one look is enough
         for numbers in np.unique(np.array(columns, dtype=float), axis=1).T.tolist():
             named = dict(zip(fields, numbers, strict=True))
             inside = {inner: named[path] for path in fields for inner in fields[path]}

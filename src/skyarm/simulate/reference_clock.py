@@ -456,6 +456,7 @@ class Waits:
                 )
         if guard.distance is not None:
             met.append(direction.dot(Vec3(*origin) - seen.tip) >= guard.distance)
+        # where, because a traced number has no truth value for all()
         all_met: Scalar = 1.0
         for each in met:
             all_met = where(each, all_met, 0.0)

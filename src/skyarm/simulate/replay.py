@@ -235,6 +235,7 @@ class ReplayedFlights:
         self.logged: Array = stepper.logged
         # zeros of a new array are no attitude
         self.state["quaternion"][0] = 1.0
+        # factor of the rotors' thrust, which 1 leaves as it is
         self.inputs["thrust"][:] = 1.0
         self.inputs["numbers"][:] = np.array(inputs.numbers, dtype=float)[:, None]
 
