@@ -379,6 +379,7 @@ class Log:
         }
         for source, of in sources_of(self.info).items():
             for name, each in of.fields.items():
+                # columns of one array differ in unit where joints turn and slide
                 unit = Unit(
                     " or ".join(dict.fromkeys(each.units or [each.unit])), each.meaning
                 )

@@ -284,6 +284,7 @@ def summary(log: Log, values: Facts) -> list[Line]:
                 for key, value in values["agents"][name].items()
                 if key not in shared
             }
+            # the vehicle's name takes the place of its headline
             lines += [heading(name), *summary(own, rest)[1:]]
         rows = [
             (name, *(shown_number(each, 4) for each in force.values()))

@@ -251,6 +251,7 @@ def _sensor_columns(log: FlightArrays, names: Names) -> Iterator[LogColumn]:
                     f"{begin}{word(name)}", each.unit, each.meaning, array, None
                 )
                 continue
+            # names of the vehicle fit only an array with one column for each of them
             named = group in KINDS_OF_NAMES and len(getattr(names, group)) == len(
                 each.axes
             )

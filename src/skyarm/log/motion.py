@@ -88,6 +88,7 @@ def join_motions(motions: Sequence[PoseSeries]) -> PoseSeries:
     for motion in motions:
         for name, pieces in parts.items():
             values: Array = getattr(motion, name)
+            # a row of NaN after each motion breaks a drawn line there
             pieces += [
                 values,
                 (

@@ -104,6 +104,7 @@ def points_at_tip(log: FlightArrays) -> frozenset[str]:
 def grasp_periods(log: FlightArrays) -> tuple[GraspPeriod, ...]:
     """List all grasps in a log, ordered by start."""
     grasps = list[GraspPeriod]()
+    # every third column, because an object has three, x, y and z
     bodies = [
         label.partition("/")[0]
         for label in component_labels(log, "object_position")[::3]
@@ -119,6 +120,7 @@ def grasp_periods(log: FlightArrays) -> tuple[GraspPeriod, ...]:
                 grasps.append(
                     GraspPeriod(
                         gripper=gripper,
+                        # loads are counted from 1; 0 is none
                         held=bodies[int(number) - 1],
                         start=float(log.time[begin]),
                         end=_time(log, end),

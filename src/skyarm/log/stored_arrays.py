@@ -107,6 +107,7 @@ def join(parts: Sequence[Mapping[str, Array]]) -> ArraysByName:
 
     def read(name: str, chosen: slice = slice(None)) -> Array:
         start, stop, _ = chosen.indices(ends[-1])
+        # at the end of the flight no part ends later, and the last one serves
         first = bisect_left(ends, start + 1, hi=len(ends) - 1)
         last = bisect_left(ends, stop)
         rows = np.concatenate([of_part(part, name) for part in parts[first : last + 1]])

@@ -423,6 +423,7 @@ def values(
     """
     every = measures(joints)
     results = {}
+    # the means over empty windows divide by zero and are replaced below
     with np.errstate(all="ignore"):
         for name in names:
             each = every[name]

@@ -278,6 +278,7 @@ def _desired_force(log: Log) -> tuple[Array, Array]:
         push = ()
     if not push:
         return np.zeros(log.time.size), np.zeros(log.time.size, dtype=bool)
+    # the sixth number is above 0.5 while the tip grips; a push without a grip has five
     gripping = push[5] > 0.5 if len(push) > 5 else np.zeros(log.time.size, dtype=bool)
     force = np.where(gripping, 0.0, push[0])  # what is gripped is not touched
     return force, (force > 0.0) | gripping

@@ -143,6 +143,7 @@ class Windows:
         self.require_within(duration)
         settled = SETTLING_SHARE * duration
         after = Window(settled, duration)
+        # where nobody states windows, all but the transient are what follows it
         general = Windows(
             steady=after,
             transient=Window(0.0, settled),

@@ -58,6 +58,7 @@ def write_mcap(log: Log, path: Path) -> Path:
         writer.add_attachment(
             0, 0, ARRAYS, "application/octet-stream", npz_content(log)
         )
+        # metadata of MCAP are texts
         plain = {
             name: str(value)
             for name, value in info.items()

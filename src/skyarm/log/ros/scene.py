@@ -195,6 +195,7 @@ def markers(vehicle: Vehicle, frames: Frames) -> list[Values]:
     for number, shape in enumerate(vehicle_shapes(vehicle, meshes=False)):
         turn = quaternions_of(np.array([shape.rotation]))[0]
         lengths = [2.0 * half for half in shape.size]
+        # their size is radius and whole length; other shapes state half lengths
         if shape.kind in ("capsule", "cylinder"):
             lengths = [lengths[0], lengths[0], shape.size[1]]
         fields.append(
@@ -202,6 +203,7 @@ def markers(vehicle: Vehicle, frames: Frames) -> list[Values]:
                 "header": {"stamp": 0, "frame_id": frames.of_body(shape.body)},
                 "ns": shape.name,
                 "id": number,
+                # 3 is a cylinder, also for a capsule, for which ROS has no marker
                 "type": MARKER_TYPES.get(shape.kind, 3),
                 "pose": {
                     "position": xyz(shape.position),

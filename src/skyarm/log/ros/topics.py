@@ -414,6 +414,7 @@ def _sensor_topics(log: Log, chosen: Callable[[str, str], bool]) -> list[Topic]:
     function of both names chooses.
     """
     names, (fast, _) = names_of(log), every_of(log)
+    # a source whose only field left is its time has nothing to send
     sources = {
         source: replace(
             each,
