@@ -205,6 +205,7 @@ def _line_styles(laws: Sequence[str]) -> dict[str, Style]:
     name.
     """
     fixed = {law: KNOWN.index(law) for law in laws if law in KNOWN}
+    # as many places as all laws may need beside the known ones
     free = iter(
         [
             place

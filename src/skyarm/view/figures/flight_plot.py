@@ -80,6 +80,7 @@ def path_figure(flights: Named, span: Span) -> Picture:
     named, world = vehicles_by_label(flights), world_of(flights, span)
     for ax, view in zip(axes, (TOP, SIDE), strict=True):
         handles |= draw_view(ax, view, named, span, world)
+    # the desired path last, as False sorts before True
     PAPER.legend(
         figure, {each: handles[each] for each in sorted(handles, key="desired".__eq__)}
     )
@@ -120,6 +121,7 @@ def draw_view(
     for line in world.lines:
         _draw_line(ax, view, line)
     if world.ground is not None and view is not TOP:
+        # from far below what any picture shows
         ax.axhspan(
             -1e3, world.ground, facecolor=FILLS["surface"], edgecolor="none", zorder=0.5
         )

@@ -87,8 +87,10 @@ def _paths(plan: Plan) -> tuple[Picture, list[Axes]]:
     arrays = plan_arrays(plan)
     points = np.vstack([_stills(plan).reshape(-1, 3), arrays["position"]])
     middle = 0.5 * (points.max(axis=0) + points.min(axis=0))
+    # half of the extent, and 5 % more for a margin
     half = 0.525 * np.ptp(points, axis=0)
     stacked = half[0] > 1.5 * max(half[1:])
+    # width over height of one drawing in a figure of the sizes below
     ratio = 3.6 if stacked else 1.05
     # one scale for both: the wider side decides, in either direction
     width = max(half[0], ratio * max(half[1:]))

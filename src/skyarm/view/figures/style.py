@@ -157,6 +157,7 @@ class PictureStyle:
         pad = 0.006 * self.text
         layout = ConstrainedLayoutEngine(w_pad=pad, h_pad=pad)
         figure = Picture(figsize=(width, height), layout=layout, facecolor=self.face)
+        # a canvas of its own, so that the figure is saved without pyplot
         FigureCanvasAgg(figure)
         return figure
 
@@ -292,6 +293,7 @@ def limits(
     low, high = (
         (float(numbers.min()), float(numbers.max())) if numbers.size else (0.0, 0.0)
     )
+    # 7 % of the extent more, so that no curve lies on the frame
     if floor:
         return 0.0, 1.07 * max(high, span / 1.07)
     missing = max(0.0, span - (high - low)) / 2

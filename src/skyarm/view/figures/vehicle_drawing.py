@@ -141,6 +141,7 @@ class Posed:
         ]
         named = [p for _, p in (*self.frames.values(), *self.poses.values())]
         named += [float_array(rotor.position) for rotor in vehicle.rotors]
+        # a vehicle of one point is drawn as one of 0.1 m
         self.reach = max(norm(each) for each in named) or 0.1
 
 
@@ -151,6 +152,7 @@ def drawing_angles(vehicle: Vehicle) -> tuple[float, ...]:
     level = _at_origin(vehicle, [0.0] * vehicle.n)
     angles = []
     for i, joint in enumerate(vehicle.joints):
+        # an axis within 26 degrees of y, along which the side view looks
         bent = joint.turns and abs((level[i][0] @ float_array(joint.axis))[1]) > 0.9
         angles.append(
             min(max(BENT if bent else 0.0, float(joint.lower)), float(joint.upper))
@@ -278,6 +280,7 @@ class Sheet:
         """
         points = np.concatenate(self._drawn)
         low, high = points.min(axis=0), points.max(axis=0)
+        # a thin side counts as 0.3 of the long one, so that labels find room beside it
         size = np.maximum(high - low, 0.3 * float(np.max(high - low)))
         box = self.ax.get_window_extent()
         pixels = np.array([box.width, box.height])
@@ -297,6 +300,7 @@ def _mark_frames_and_axes(sheet: Sheet) -> None:
     origins = [posed.poses[i][1] for i in range(vehicle.n)]
     for joint, at, axis in zip(vehicle.joints, origins, posed.axes, strict=True):
         apart = [norm(at - other) for other in origins]
+        # shorter than the way to the next joint, unless both are at one place
         size = min(
             [
                 0.13 * sheet.reach,

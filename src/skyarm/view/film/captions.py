@@ -264,6 +264,7 @@ def frame_layout(
         plot: whether to draw a plot; omitted in a frame that is too low.
         agents: number of vehicles of each flight; one if left out.
     """
+    # text shrinks with the width where a frame is narrower than 1.2 of its height
     scale = min(height / DESIGNED, width / (1.2 * DESIGNED))
     title, head, gap = (max(1, round(scale * part)) for part in (TITLE, HEAD, GAP))
     below = round(scale * PLOT) if plot and height >= LEAST_HEIGHT_OF_PLOT else 0

@@ -164,6 +164,7 @@ def _cameras(
     desired = [
         np.stack([flight.desired_position for flight in inside]) for inside in together
     ]
+    # 1 mm, which no picture shows
     if all(
         each.shape == desired[0].shape and np.allclose(each, desired[0], atol=1e-3)
         for each in desired
@@ -265,6 +266,7 @@ def size_of(text: str) -> tuple[int, int]:
             and height.isascii()
             and height.isdigit()
         )
+        # no size has so many digits, and int() of a long text takes long
         or len(text) > 12
     ):
         raise ValueError(

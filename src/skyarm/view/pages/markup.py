@@ -177,6 +177,7 @@ def image(
         kind: class of its style.
         name: identifier.
     """
+    # a WebP file begins with these letters
     suffix = "webp" if content[:4] == b"RIFF" else "png"
     address = f"data:image/{suffix};base64,{base64.b64encode(content).decode('ascii')}"
     return _part(

@@ -127,6 +127,7 @@ def wind_arrow(flight: FlightFrames, k: int, reach: float) -> list[Stroke]:
     if not size:
         return []
     along = length / size
+    # beside and above the vehicle, which the arrow thus does not hide
     end = (
         flight.desired_position[k]
         - 1.6 * reach * along

@@ -115,6 +115,7 @@ def knobs_of(
     knobs, seen = list[AdjustableNumber](), set[Place]()
     for name in scenario.agents:
         one, of = scenario.of(name), prefix_of(scenario, name)
+        # without its last two words it is the place of the force
         hidden = {places_of(one, f"{path}.point_B.x")[0][:-2] for path in without}
         for group, word in _paths(one):
             path = f"{of}{word}" if is_of_agent(word) else word

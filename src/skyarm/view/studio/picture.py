@@ -110,6 +110,7 @@ class AgentNodes:
     ) -> None:
         end, placed = f"{number + 1}{suffix}", poses_of(vehicle, state)
         self._vehicle, self._lost, self._first = vehicle, False, number == 0
+        # the names of several flights stand above each other
         self._above = np.array([0.0, 0.0, 0.16 + 0.08 * number])
         self._paint = tones_of(COLORS[number])
         points = first.attached
