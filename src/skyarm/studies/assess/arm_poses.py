@@ -344,6 +344,7 @@ def arm_poses(
     ranges = np.array([joint_range(joint) for joint in vehicle.joints]).reshape(-1, 2)
     low, high = ranges[:, 0], ranges[:, 1]
     n = vehicle.n
+    # a fixed seed, so that every check of a vehicle looks at the same poses
     rng = np.random.default_rng(0)
     joints = np.clip(np.zeros((1, n)), low, high)
     long_rope = n > CORNERS and len(hanging_joints(vehicle)) == n

@@ -56,6 +56,7 @@ def time_aloft(vehicle: Vehicle, gravity: float, held: str = "") -> list[Finding
                 remedy,
             )
         ]
+    # a percent or less counts as an empty battery
     left = f", {hover.charge:.0%} of the charge left" if hover.charge > 0.01 else ""
     text = f"{hover.seconds / 60.0:.3g} min of hover at {hover.power:.3g} W{left}"
     remedy = "more capacity, more cells, or less mass"

@@ -253,6 +253,7 @@ def senses_of_rotation(vehicle: Vehicle, gravity: float) -> Finding:
             alike = [
                 turned
                 for spread, turned in zip(tried, turns, strict=True)
+                # 0.01 of the mean, chosen
                 if spread <= best + 0.01
             ]
             # in the order of the vehicle; a rotor may be one of several pairs

@@ -98,6 +98,7 @@ def balances(scenario: Scenario, lost: str = "") -> list[Balance]:
         pulls = [
             row
             for row in contact.gripping.pulls(memory, motion, 0.0)
+            # a grasp that opens at once holds nothing at the start
             if float(row[0].release) > 0.0
         ]
         for index, thing in enumerate(contact.objects):
@@ -377,6 +378,7 @@ def carried_loads(
         def point(
             vehicle: Vehicle, frame: str | None = frames[0], mass: float = mass
         ) -> tuple[int, Body]:
+            # called after the loop, hence its frame and mass as defaults
             at = vehicle.frame(frame)
             return at.link, Body(
                 mass=mass, com=at.position, inertia=Sym3(0.0, 0.0, 0.0)

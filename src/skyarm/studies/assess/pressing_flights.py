@@ -300,6 +300,7 @@ def cause_of(
         )
         return text, "a pose with the tip ahead of the middle"
     left, recoil = reach_left(vehicle, joints), base_recoil(scenario, force)
+    # half of what the arm has left, chosen
     if recoil > 0.5 * left:
         text = (
             f"the base recoils by about {1e3 * recoil:.2g} mm, and the arm is"
@@ -324,6 +325,7 @@ def base_recoil(scenario: Scenario, force: float) -> float:
     tilts against the force.
     """
     rise = float(part_of(scenario.agent.controller.par, "interaction").rise)
+    # way of a mass under a constant force over the time of the rise
     return 0.5 * rise * rise * force / float(scenario.agent.vehicle.mass)
 
 

@@ -304,6 +304,7 @@ def largest_payload(poses: ArmPoses, payload: float) -> list[Finding]:
                 "end_effector",
             )
         ]
+    # 1 kg shows the slope of what is linear in the mass
     loaded = replace(poses, vehicle=vehicle.with_payload(1.0))
     names = [f"rotors[{rotor.name}]" for rotor in vehicle.rotors]
     names += [f"joints[{joint.name}].effort_limit" for joint in vehicle.joints]

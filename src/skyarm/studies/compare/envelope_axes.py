@@ -84,6 +84,7 @@ def turbulence(built: Scenario, setting: TrialSetting, mean: float) -> Scenario:
     """Envelope trial: hover in turbulent wind along x with given mean (m/s), standard
     deviation half the mean.
     """
+    # an area whose drag at 1 m/s is HULL times the weight
     drag = BodyDrag(
         area=Vec3(*(2.0 * HULL * setting.weight / 1.225,) * 3), air_density=1.225
     )

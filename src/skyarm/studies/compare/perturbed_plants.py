@@ -269,6 +269,7 @@ def fitted_damping(
         path = f"plant.vehicle.links.{i}.joint.damping"
         most = max(
             min(spread.damping, FRICTION * float(M[6 + i][6 + i])),
+            # between 0 and twice it the nominal damping is the middle
             2.0 * number_at(scenario, path),
         )
         rescaled[path] = values[path] * (most / spread.damping)

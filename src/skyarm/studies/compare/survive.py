@@ -111,6 +111,7 @@ class SurviveSuite(Suite[SurviveFlights]):
         chosen = [trial for trial in TRIALS.values() if trial.name in self.conditions]
         for law in self.laws:
             try:
+                # trials of one group stand next to each other in TRIALS
                 for _, group in groupby(chosen, key=lambda trial: trial.group):
                     cells += self._flights(law, list(group))
             except ControllerError as error:

@@ -228,6 +228,7 @@ def _descend(M: Complex) -> float:
     descent.
     """
     value, slope = _slope(M)
+    # steps are chosen: any scaling gives an upper bound, a better one a lower bound
     step = 0.5
     for _ in range(STEPS):
         if step < 1e-3 or not np.linalg.norm(slope) > 0.0:

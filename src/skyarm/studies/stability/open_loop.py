@@ -73,6 +73,7 @@ def stencil_points(base: Array, attitude: Quaternion) -> tuple[Array, Array]:
     """
     count = len(base)
     # a rotation has one direction less
+    # relative for large numbers, as rotor speeds, and absolute near 0
     widths = STEP_SIZE * np.maximum(1.0, np.abs(np.delete(base, 3)))
     turns = slice(3, 6)
     widths[turns] = STEP_SIZE
@@ -128,6 +129,7 @@ def _tangent(states: Array, still: Array) -> Array:
     """
     w, x, y, z = still[3:7]
     a, b, c, d = states[3:7]
+    # a small turn is twice the vector part of the inverse of still times the other
     turn = 2.0 * np.array(
         [
             w * b - x * a - y * d + z * c,

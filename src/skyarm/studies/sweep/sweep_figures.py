@@ -189,6 +189,7 @@ def _marks(x: Array) -> Style:
     """Marker style of a curve with few points; empty for a longer one."""
     return (
         {"marker": "o", "markersize": 0.4 * PAPER.small, "markeredgewidth": 0.0}
+        # the marks of more points would touch each other; chosen
         if x.size <= 15
         else {}
     )
@@ -202,6 +203,7 @@ def _draw_lost(ax: Axes, curves: Sequence[BandedCurve]) -> None:
         look = PAPER.look(i)
         share = curve.lost / np.maximum(curve.episodes, 1)
         ax.plot(curve.x, share, label=curve.controller, **look.line, **_marks(curve.x))
+    # beyond both ends, where most curves lie
     ax.set_ylim(-0.05, 1.05)
     ax.set_yticks([0.0, 0.5, 1.0])
     ax.yaxis.set_major_formatter(PercentFormatter(1.0))

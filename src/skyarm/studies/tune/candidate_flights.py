@@ -282,6 +282,7 @@ class CandidateFlights:
         squares = [table(name) ** 2 for name in self._efforts]
         measured = LIMITED in self._work.metrics
         return CandidateResults(
+            # geometric mean of the windows, in which their ratios count alike
             error=penalize(product ** (1.0 / len(parts)), lost),
             tip=penalize(parts[0].get("ee", base), lost),
             base=penalize(base, lost),
@@ -303,9 +304,11 @@ class CandidateFlights:
 
     def _tracking_error(self, errors: Mapping[str, Array]) -> Array:
         """Mean error of the tracked quantity in one time window."""
+        # a joint's error at the length of the arm, m
         posture = errors["position"] + self._arm * errors["joint"]
         if self._keeps_tip:
             return errors["ee"]
+        # one half each, chosen
         return 0.5 * (errors["ee"] + posture) if self._has_tip else posture
 
 

@@ -130,6 +130,8 @@ def unseen_motion(vehicle: Vehicle) -> Trajectory:
             )
         )
     return Trajectory(
+        # primes of 0.01 Hz, so that no two sines of the base repeat together within 100
+        # s
         x=two(0.3, 0.11, 0.29),
         y=two(0.4, 0.13, 0.23, 2.0),
         z=Sum((Constant(HEIGHT), two(0.1, 0.19, 0.37))),
@@ -149,6 +151,7 @@ def draw_motions(
         count: plants; the first ones do not depend on it.
         seed: key.
     """
+    # by turns; all kinds read the same columns of draws, as a plant flies one of them
     kinds = np.arange(count) % len(KINDS)
     share = uniforms(seed, np.arange(count), CHANNEL, 0, 8 + 3 * vehicle.n)
 
@@ -159,6 +162,7 @@ def draw_motions(
         return low + (high - low) * share[:, column]
 
     rate, turn = uniform(0, 0.1, 0.25), uniform(1, 0.1, 0.22)
+    # the radius at which a circle is flown at the drawn speed
     radius = uniform(2, *SPEED) / (2.0 * math.pi * rate)
     slow, wide = uniform(3, 0.0, 0.1), uniform(4, 0.2, 0.5)
     values = {

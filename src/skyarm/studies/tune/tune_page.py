@@ -90,6 +90,7 @@ def gains_text(tuning: Tuning, point: Point, law: Facts, kept: Facts) -> str:
             if path in units
             else ""
         )
+        # a gain without a unit has no comma
         lines.append(
             f"{toml_key(path)} = {toml_value(value)}{note.replace('# , was', '# was')}"
         )
