@@ -356,6 +356,7 @@ def observation_of(task: LearningTask, sight: Sight) -> Scalars:
 
 def _finite(value: Scalar) -> Scalar:
     """Clip a number to a finite range; NaN becomes 0."""
+    # a NaN fails every comparison and so reaches the last 0
     return where(
         absolute(value) <= LARGEST,
         value,

@@ -270,6 +270,7 @@ class JaxEnvironment:
             inputs += [*draw(STARTS[0], [pair]), *draw(STARTS[1], [pair])]
         outputs = evaluate(self._start.lowered, inputs, self.dtype)
         carry = tuple(outputs[: self._program.loop.carry])
+        # the flight goes on with period 1, because the start has the draws of period 0
         return jnp.stack(outputs[len(carry) :]), JaxState(
             carry, drawn, key, episode, jnp.uint32(1)
         )
