@@ -155,6 +155,7 @@ def _in_parts(table: pages.Table) -> list[pages.Table]:
         max((len(str(row[i])) for row in table.rows), default=0)
         for i in range(len(words))
     ]
+    # two letters stand between columns
     if (
         len(words) < WIDE
         or sum(map(max, words, cells)) + 2 * len(words) <= console.width

@@ -60,6 +60,7 @@ def plan(
     from skyarm.planning.task import load_task, require_grippers, vehicle_of_file
     from skyarm.scenario.save import scenario_text
 
+    # an hour, chosen
     if not 0.0 < seconds <= 3600.0:
         raise ValueError(f"--seconds = {seconds:g}: must be above 0 and at most 3600")
     require_not_another(task, "task")
