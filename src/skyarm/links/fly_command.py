@@ -151,6 +151,7 @@ def _three(text: str) -> tuple[float, float, float]:
         x, y, z = map(float, text.split(","))
     except ValueError:
         x = y = z = 0.0
+    # 1000 rad/s, chosen, is beyond any rate loop
     if not all(0.0 < each < 1e3 for each in (x, y, z)):
         raise ValueError(
             f"--rate-bandwidth = {text!r}: must be three numbers of rad/s, above 0:"

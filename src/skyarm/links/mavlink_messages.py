@@ -172,6 +172,7 @@ def _definition(name: str, number: int, text: str) -> Definition:
         number=number,
         fields=fields,
         layout=struct.Struct("<" + "".join(field.format for field in fields)),
+        # CRC_EXTRA of MAVLink: both bytes of the digest in one
         check=bytes([(digest & 0xFF) ^ (digest >> 8)]),
         defaults=MappingProxyType({field.name: field.default for field in fields}),
         arrays=tuple(

@@ -223,6 +223,7 @@ class MavlinkVehicle:
         name = message.name
         # the first autopilot that beats is the one: its number is not known before
         unknown = name == "HEARTBEAT" and not self.system
+        # component 1 of a system is its autopilot
         if message.component != 1 or not (unknown or message.system == self.system):
             return False
         if name == "HEARTBEAT":
@@ -247,6 +248,7 @@ class MavlinkVehicle:
                 and self.modes.bitwise
                 and message["param_type"] == WHOLE
             ):
+                # PX4 sends the bits of a whole number in place of those of a float
                 value = float(*struct.unpack("<i", struct.pack("<f", value)))
             self.parameters[message["param_id"]] = value
         return True

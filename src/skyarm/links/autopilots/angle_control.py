@@ -226,6 +226,7 @@ def rotate(quaternion: Sequence[float], vector: Sequence[float]) -> Vector:
     """Rotate a vector from base axes to world axes by a unit quaternion."""
     w, x, y, z = quaternion
     a, b, c = vector
+    # v + w t + q x t with t = 2 q x v, shorter than a matrix
     p, q, r = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
     return (
         a + w * p + y * r - z * q,

@@ -513,6 +513,7 @@ class ArduPilotLink(ProgramLink):
                 flags & ESTIMATES == ESTIMATES and not flags & CONSTANT_POSITION
             )
         elif (
+            # half of the climb, chosen: a vehicle that high has taken off
             vehicle.armed
             and not self.following
             and vehicle.rise(self._stand) > 0.5 * self._record.climb

@@ -439,6 +439,7 @@ class BetaflightLink(ProgramLink):
         while not message and left > 0.0:
             left = until - time.monotonic()
             with contextlib.suppress(TimeoutError, BlockingIOError, ConnectionError):
+                # a timeout of 0 would not wait at all, and one below it is refused
                 self._motors.settimeout(max(left, 1e-4))
                 first = self._motors.recvfrom(2048)
                 message = (self._motors_of([first, *drain(self._motors)]) or [b""])[-1]

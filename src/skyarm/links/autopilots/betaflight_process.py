@@ -265,6 +265,7 @@ def _ask(console: socket.socket, line: bytes, patience: float) -> str:
         while not text.endswith(b"\r\n# "):
             if len(text) > LONGEST_ANSWER or time.monotonic() > until:
                 raise TimeoutError(f"no prompt behind {len(text)} bytes")
+            # a timeout of 0 would not wait at all, and one below it is refused
             console.settimeout(max(until - time.monotonic(), 1e-3))
             data = console.recv(65536)
             if not data:

@@ -93,6 +93,7 @@ def mixer(vehicle: Vehicle) -> Array:
         )
     mix = np.asarray(np.linalg.pinv(shares(vehicle)), dtype=np.float64)
     mix /= np.abs(mix).max(axis=0)
+    # 5 % of the largest share, chosen
     if mix[:, 0].min() <= 0.05:
         raise ScenarioError(
             "plant.vehicle: every rotor must carry a share of the weight for Betaflight"

@@ -410,6 +410,7 @@ class PilotedSession(Session):
             if progress is not None and self.tick % rate == 0:
                 progress(self.time, self._autopilot.preparation)
             state = self._state
+            # position and velocity, in the order of State
             near = math.dist(state[:3], goal) < NEAR and math.hypot(*state[7:10]) < SLOW
             steady = (
                 steady + 1

@@ -121,6 +121,7 @@ class GuidedVehicle(MavlinkVehicle):
         self.tell_autopilot(
             "SET_POSITION_TARGET_LOCAL_NED",
             time_boot_ms=round(time * 1e3),
+            # MAV_FRAME_LOCAL_NED
             coordinate_frame=1,
             type_mask=POSITION_MASK,
             x=x,

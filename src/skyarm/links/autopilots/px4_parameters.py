@@ -119,6 +119,8 @@ def rate_gains(vehicle: Vehicle) -> dict[str, float]:
     for name, gain, bandwidth in zip(
         ("ROLL", "PITCH", "YAW"), gains, wide, strict=True
     ):
+        # at the usual bandwidths I / P and D / P are those of PX4's defaults; a slower
+        # loop has a slower integral
         integral, slope = (
             (bandwidth / 13.5, 0.02) if name != "YAW" else (bandwidth / 12.0, 0.0)
         )

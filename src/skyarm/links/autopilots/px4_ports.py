@@ -49,6 +49,7 @@ def open_ports(instance: int) -> Ports:
         )
     reason = ""
     for number in range(INSTANCES) if instance < 0 else (instance,):
+        # PX4 adds its instance to each of these numbers
         tcp, udp = socket.socket(), socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             tcp.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -159,6 +159,7 @@ class SensorMessages:
         p, q, r = to_our_axes(*rate_and_force[:3])
         fx, fy, fz = to_our_axes(*rate_and_force[3:])
         updated = INERTIAL
+        # 20 degrees, chosen, until a barometer tells
         fields = {
             "xgyro": p,
             "ygyro": q,
@@ -201,6 +202,7 @@ class SensorMessages:
         vn, ve, vd = to_our_axes(vx, vy, vz)
         speed, course = math.hypot(vn, ve), math.degrees(math.atan2(ve, vn)) % 360.0
         return {
+            # a position in three dimensions
             "fix_type": 3,
             "lat": round(latitude * 1e7),
             "lon": round(longitude * 1e7),

@@ -105,7 +105,9 @@ class DynamixelJoints(JointLink):
         self._lock, self._bus_lock = threading.Lock(), threading.Lock()
         self._port: Any = sdk.PortHandler(bus.device)
         self._packets: Any = sdk.PacketHandler(2.0)
+        # 8 bytes: velocity and position, four each
         self._states: Any = sdk.GroupSyncRead(self._port, self._packets, PRESENT, 8)
+        # goal positions have four bytes, goal currents two
         address, size = (GOAL_POSITION, 4) if bus.torque is None else (GOAL_CURRENT, 2)
         self._goals: Any = sdk.GroupSyncWrite(self._port, self._packets, address, size)
         self._size = size

@@ -447,6 +447,7 @@ class OffboardFlight:
 
         def hovers() -> bool:
             state = link.state
+            # 0.3 m/s, chosen
             slow = state is not None and math.hypot(*state.velocity) < 0.3
             return (
                 link.armed

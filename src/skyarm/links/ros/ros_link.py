@@ -333,6 +333,7 @@ class _AgentInputs:
             return False
         for topic, kind, goal_of in self._goals:
             self._take(topic, kind, partial(self._aim, goal_of))
+        # 1e-9, so that rounding of the time costs no period
         if not (
             self._goal
             and session.running
