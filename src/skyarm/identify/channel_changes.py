@@ -307,6 +307,7 @@ def _of_base(thrust: Array, along: str, attitude: bool) -> Iterator[ChannelChang
     """
     upright = bool(thrust[2] > 0.0)
     remedy = "turn the rotors of the vehicle file, or the IMU's axes"
+    # a quarter turn for a thrust along x or y, half a turn about x for one along -z
     lift = (
         0.5 * math.pi * np.cross(thrust, [0.0, 0.0, 1.0])
         if thrust[2] >= 0.0
@@ -464,6 +465,7 @@ def _of_joints(names: Sequence[str]) -> Iterator[ChannelChange]:
             yield _map_columns(group[0], words, ORDER_JOINTS, group, mapping)
     for name, column in zip(names, plain, strict=True):
         moved = partial(by_rows, partial(_less, column))
+        # first amounts, chosen; the best of them is refined between its neighbours
         zeros = (-0.5, -0.15, 0.15, 0.5)
         words = f"zero of {name} is off by {{:.3g}}"
         yield ChannelChange(

@@ -233,6 +233,7 @@ def broken_axes(log: Log, vehicle: Vehicle, axes: Axes, limits: DesignLimits) ->
     if log.info["status"] != "completed" or _saturated_share(log, vehicle) > SATURATED:
         broken[:] = True
     broken[:3] |= np.abs(log.position - axes.rest[:3]).max(axis=0) > 0.5 * limits.box
+    # what tilts the base is its motion along x and y
     broken[:2] |= _tilt(log).max() > limits.tilt
     low, high = (
         float_array(getattr(joint, end) for joint in vehicle.joints)

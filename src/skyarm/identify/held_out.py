@@ -122,6 +122,7 @@ def predict_held_out(
     seen = distinct_flights(seen) if seen else []
     step = clock_step([*flights, *seen], start)
     # every horizon is then a whole number of steps
+    # 1e-9, so that rounding adds no step
     step = SHORTEST / math.ceil(SHORTEST / step - 1e-9)
     posed = [i for i, each in enumerate(flights) if not no_poses(each)]
     learnt = [each for each in seen if posed and not no_poses(each)]
@@ -301,6 +302,7 @@ def ends_of(
     for horizon, k in zip(horizons, ends, strict=True):
         rows = np.flatnonzero(left >= k)
         steady = begins.at(rows).at_even_rates(k * step)
+        # windows that end before are read at their end here, and left out with rows
         measured = loop.measured_at(windows, np.minimum(k, left))
         every = (flown.get(k, still), still, measured)
         *off, there = (_difference(steady, each.at(rows)) for each in every)

@@ -146,6 +146,7 @@ class Scale:
         """Differences of the start values from the estimates, logarithmic for positive
         parameters.
         """
+        # both branches are computed, so those of any sign get a ratio with a logarithm
         ratio = np.where(
             self.positive, self.starts / np.where(self.positive, self.values, 1.0), 1.0
         )
@@ -277,6 +278,7 @@ def disagreement(
     noise = after / variances_of(scale.rows, found.curvature)
     variance = np.stack(variances) * noise
     weights = np.where(1.0 - variance / scale.before >= SHOWN, 1.0 / variance, 0.0)
+    # a number that no flight shows has no weight, and its ratio is not used
     total = np.maximum(weights.sum(axis=0), 1e-300)
     freedom = (weights > 0.0).sum(axis=0) - 1
     mean = (weights * off).sum(axis=0) / total
@@ -341,6 +343,7 @@ def condition_on_start(
     """
     values, spread, off = values.copy(), spread.copy(), off.copy()
     first = spread.copy()
+    # scaled so that each begins with the share that is reported of it
     correction = (
         (1.0 - shares) * before / np.maximum(variances_of(rows, spread), 1e-300)
     )

@@ -225,6 +225,7 @@ def _link(link: Link, numbers: Mapping[str, Scalar], checked: bool) -> Link:
         k: numbers[at] for k in FRICTIONS if (at := f"{name}.joint.{k}") in numbers
     }
     if checked:
+        # a search without bounds may end below 0, which no friction has
         frictions |= {
             name: max(frictions[name], 0.0)
             for name in ("damping", "coulomb")

@@ -512,6 +512,7 @@ def explained_shares(
             ).sum()
         )
         if max(bends, left) > noise:  # else the row does not move
+            # the larger of both below, so that no share is under 0
             explained[name] = 1.0 - max(left - noise, 0.0) / max(
                 bends - noise, left - noise
             )

@@ -98,6 +98,7 @@ def expected_numbers(
     numbers = []
     unseen = search.hidden_lags()
     for each in identified_numbers(fit, scale, search.sample)[0]:
+        # half width of its logarithm, in which it is searched, thus relative
         share = 0.5 * math.log(each.high / each.low) if each.name in positive else 0.0
         numbers.append(
             ExpectedNumber(

@@ -346,6 +346,7 @@ def _telling_row(before: Left, after: Left) -> tuple[str, int]:
     loud = [row for row in rows if row[0] not in PUSHES and rows[row] >= ALARM] or list(
         rows
     )
+    # a row that the change leaves out counts as only just explained
     return max(loud, key=lambda row: rows[row] / max(after.sizes.get(row, ALARM), 1e-3))
 
 

@@ -169,6 +169,7 @@ def _lost_rows(flight: FlightData, start: Vehicle) -> Iterator[Found]:
     for note in flight.notes:
         if lost := LOST.match(note):
             share = int(lost["count"]) / max(1, int(lost["all"]))
+            # a fifth, chosen: fewer lost rows leave enough of a flight
             severity = (
                 REFUSED
                 if share > 0.2 and lost["channel"] in (*USED, "file")
@@ -341,7 +342,9 @@ def _damaged_shares(flight: FlightData) -> Iterator[Found]:
     if COMMANDS[0] not in flight or COMMANDS[1] in flight:
         return
     share = flight[COMMANDS[0]].values
+    # 5 %, chosen: trims and rounding may pass the ends by as much
     outside = float(((share < -0.05) | (share > 1.05)).any(axis=1).mean())
+    # a median beyond them is of another unit, and reported as that
     if outside and np.median(share) <= 1.05:
         span = (
             f"{100.0 * outside:.2g} % of the rows are outside 0 to 1, from"
@@ -396,6 +399,7 @@ def _ground(
         for i in range(0, max(1, gyro.time.size - size), size)
     ]
     rests = float(np.median(pieces)) < MOVING
+    # at rest, the gyroscope and a position agree; a gyroscope alone may be quiet
     still = (
         "position" in flight
         and float(np.ptp(flight["position"].values, axis=0).max()) < RESTING

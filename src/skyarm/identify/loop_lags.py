@@ -367,6 +367,7 @@ def _lag(
     # the mean rate is what a small swing meets
     swing = len(taus) / sum(1.0 / tau for tau in taus)
     rows = np.zeros((1 + len(place), len(fit.values)))
+    # slopes by the logarithms of the time constants, which are searched
     rows[0, place] = [1.0, *(swing**2 / (len(taus) * tau) for tau in taus)]
     rows[range(1, len(rows)), place] = [1.0, *taus]
     halves = fit.half_widths(rows)

@@ -156,6 +156,7 @@ def axes_of(vehicle: Vehicle, box: float, height: float) -> Axes:
         [-half, -half, height - half, -HEADING, *(each[1] for each in joints)]
     )
     high = np.array([half, half, height + half, HEADING, *(each[2] for each in joints)])
+    # rest, then ranges, then highest frequencies, of x, y, z, heading and joints
     return Axes(
         rest,
         low,

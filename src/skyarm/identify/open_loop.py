@@ -196,6 +196,7 @@ def slopes_of(
     # odd reflection goes on with value and slope beyond both ends
     longer = np.pad(rows, ((before, after), (0, 0)), mode="reflect", reflect_type="odd")
     value, slope = (
+        # turned round, as np.convolve turns its second argument once more
         np.stack(
             [np.convolve(column, each[::-1], "valid") for column in longer.T], axis=1
         )
@@ -354,6 +355,7 @@ class OpenLoopPredictor:
                     *(lanes.flights.state[name].T.copy() for name in FIELDS)
                 )
                 if pushes is not None:
+                    # at the middle of the step, for all of it
                     force, torque = np.split(pushes((k + 0.5) * step).T, 2)
                     inputs["force"][:], inputs["torque"][:] = force, own_torque + torque
                 lanes.advance(k)

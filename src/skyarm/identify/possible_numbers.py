@@ -200,6 +200,7 @@ def _far_numbers(identified: Identified) -> Iterator[Found]:
                 "check the clocks of commands and sensors",
             )
         elif each.name in DOUBTED and each.start > 0.0:
+            # 1e-300, so that a value of 0 is far off, too, and has a logarithm
             ratios[each.name] = max(each.value, 1e-300) / each.start
             times = max(ratios[each.name], 1.0 / ratios[each.name])
             if times > FAR_OFF:
@@ -272,10 +273,12 @@ def _by_geometry(identified: Identified, start: Vehicle) -> Iterator[Found]:
                 [*link.joint.axis],
             )
         )
+        # angle from one to the other about the axis, without their parts along it
         turn = math.atan2(
             float(about @ np.cross(was, at)),
             float(was @ at - (about @ was) * (about @ at)),
         )
+        # half an interval as an angle, at its distance from the axis
         half = max(0.5 * (c.high - c.low) for c in centre if c) / max(
             norm(np.cross(about, was)), 1e-9
         )

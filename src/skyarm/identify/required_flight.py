@@ -93,6 +93,7 @@ class RequiredFlight:
             # only that there are readings counts
             "accelerometer": np.zeros_like(self.rate),
             "position": self.position,
+            # SciPy puts w last
             "quaternion": np.roll(
                 Rotation.from_matrix(self.turned).as_quat(), 1, axis=1
             ),
@@ -100,12 +101,15 @@ class RequiredFlight:
             "joint_positions": self.joints,
         }
         commands = {
+            # the inverse of the lag: a command leads the speed by rate times time
+            # constant
             "rotor_speed_commands": (
                 self.speeds + change * np.where(change > 0.0, ups, downs)
             ),
             "joint_efforts": self.efforts,
         }
         channels = dict[str, Channel]()
+        # a command is logged that long before it acts
         for late, every in ((0.0, states), (USUAL_DELAY, commands)):
             for name, rows in every.items():
                 if name in like and rows.size:
@@ -249,5 +253,6 @@ def _radius(hubs: Array) -> float:
     axis, m.
     """
     offsets = [a - b for a, b in combinations(hubs, 2)]
+    # 1 mm, because hubs on one axis differ by rounding in a drawing
     apart = [norm(each) for each in offsets if np.hypot(*each[:2]) > 1e-3]
     return 0.5 * min(apart, default=0.0)

@@ -500,6 +500,7 @@ def with_servos(vehicle: Vehicle, servoed: Sequence[bool]) -> Vehicle:
         inertia = float(
             mass_matrix(vehicle, Mat3.identity(), [0.0] * vehicle.n)[6 + i][6 + i]
         )
+        # critically damped at UNKNOWN rad/s
         servo = PositionServo(
             inertia=inertia,
             stiffness=inertia * UNKNOWN**2,

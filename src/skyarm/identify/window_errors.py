@@ -150,6 +150,7 @@ def turn_attitudes(attitude: Array, turn: Array) -> Array:
     """Attitudes (..., 4), w x y z, turned by small rotation vectors (..., 3) about base
     axes.
     """
+    # first order of the half angle, which normalising makes exact to the second
     half = np.concatenate([np.ones((*turn.shape[:-1], 1)), 0.5 * turn], axis=-1)
     rows = Quaternion(*np.moveaxis(attitude, -1, 0)) * Quaternion(
         *np.moveaxis(half, -1, 0)
@@ -376,6 +377,7 @@ class WindowErrors:
         """Parameters (..., P) in their units from the scale of the search, which is
         logarithmic for positive ones.
         """
+        # both branches are computed, and an exponential of the others might overflow
         return np.where(
             self._positive, np.exp(np.where(self._positive, searched, 0.0)), searched
         )
@@ -735,6 +737,7 @@ def _error(
         return measured - flown, (now[:, 0] - before[:, 0]) / step
     w, *turn = Quaternion(*flown).conjugate() * Quaternion(*measured)
     size = np.sqrt(w**2 + turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
+    # the sign of w takes the shorter way round
     return np.stack(turn) * (2.0 * np.sign(w) / size), rate
 
 

@@ -606,6 +606,7 @@ def blocks_covariance(total: Array, parts: Array, scores: Array) -> Array:
     followed, axes = np.linalg.eigh(root @ parts @ root.T)
     # the mean of the scores is what the prior pulls, which no block has alone
     turned = np.einsum("bpk,pq,bq->bk", axes, root, scores - scores.mean(axis=0))
+    # 1e-9, because a block that alone tells a number leaves no share of it
     moves = (
         np.einsum(
             "bpk,bk->bp", axes, turned / np.sqrt(np.maximum(1.0 - followed, 1e-9))

@@ -333,6 +333,7 @@ def held_over(channel: Channel, edges: Array, delay: float, width: float = 0.0) 
         ]
     )
 
+    # the first and the last command hold beyond the samples
     def integral(when: Array) -> Array:
         inner = columns_at(when, time, sums)
         inner += np.minimum(when - time[0], 0.0)[:, None] * values[0]
@@ -378,11 +379,13 @@ def lagging(held: Held, lag: float, step: float, flat: bool = False) -> Held:
     first, last = np.exp(-early / lag), np.exp((early - step) / lag)
     gained = held.before * (1.0 - first) * last + held.after * (1.0 - last)
     begin = held.before[:1]
+    # begins as if the first command had always acted
     ends = lfilter([1.0], [1.0, -left], gained, axis=0, zi=left * begin)[0]
     asked = share * held.before + (1.0 - share) * held.after
     mean = asked - lag / step * np.diff(ends, axis=0, prepend=begin)
     if flat:
         return Held(mean, mean, np.zeros(len(mean)))
+    # halves a, b have the mean (a + b) / 2 and the first moment (a + 3 b) / 8
     moment = 0.5 * (
         share**2 * held.before + (1.0 - share**2) * held.after
     ) - lag / step * (ends - mean)
