@@ -685,6 +685,7 @@ def _robust(jacobian: Array, given: Array) -> tuple[Array, Array, Array]:
             flat * root.reshape(-1, 1), (given * root).ravel(), rcond=None
         )
         residual = given - (flat @ change).reshape(count, axes)
+        # 1e-12, so that no residual is divided by 0
         weights = np.minimum(1.0, HUBER * _scale(residual) / (np.abs(residual) + 1e-12))
     return doubles(change), residual, weights
 

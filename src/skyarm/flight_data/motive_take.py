@@ -72,6 +72,7 @@ def read_motive(path: Path, columns: Columns | None) -> FlightData:
     ]
     place, listed = choose_log(bodies, columns, 0, notes, "first")
     body = bodies[place]
+    # a row begins with the number of its frame, and then the time
     rows = numbers_of_rows(
         "\n".join(lines[begin + 1 :]), {"time": 1, **places}, ",", len(axes), notes
     )
@@ -80,6 +81,7 @@ def read_motive(path: Path, columns: Columns | None) -> FlightData:
     )
     x, y, z = (f"{body}: Position {axis}" for axis in "XYZ")
     a, b, c, w = (f"{body}: Rotation {axis}" for axis in "XYZW")
+    # a quarter turn about x, from y up to z up
     usual = {
         "position": (QuantitySource(columns=(x, f"-{z}", y), scale=scale),),
         "quaternion": (QuantitySource(columns=(w, a, f"-{c}", b)),),

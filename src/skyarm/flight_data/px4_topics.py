@@ -70,6 +70,7 @@ def by_attitude(motion: RawTable, attitude: RawTable) -> RawTable:
         np.stack([table.numbers(each) for each in own], axis=1)
         for table, own in ((motion, names[0]), (attitude, names[1]))
     )
+    # half of the span over which a rate is the mean, which PX4 states in us
     late = 0.5e-6 * _span(motion.columns, "gyro")
     good, there = np.isfinite(rates).all(axis=1), np.isfinite(q).all(axis=1)
     time, turned = motion.time[good], attitude.time[there]
@@ -88,6 +89,7 @@ def by_attitude(motion: RawTable, attitude: RawTable) -> RawTable:
         # pairs with a gap of attitudes between them say nothing of a span of 2 ms
         (begin > time[0]) & (end < time[-1] - late.max()) & (end - begin < 5.0 * APART)
     )
+    # chosen: fewer pairs of attitudes tell no difference
     if inside.sum() < 10:
         return motion
     turn = rotations_between(q[there][:-step][inside], q[there][step:][inside])
