@@ -143,6 +143,7 @@ def percent(ours: Number, paper: Number) -> str:
     missing.
     """
     difference = relative(ours, paper)
+    # what rounds to 0 is written without a sign
     rounded = 0 if difference is None else round(100.0 * difference)
     return "" if difference is None else f"{rounded:+d} %" if rounded else "0 %"
 
@@ -166,6 +167,7 @@ def reversed_orders(experiments: Record, plant: str) -> list[tuple[str, str]]:
             # a number that only one law has makes no order
             if None in values:
                 continue
+            # "or 0.0" is for type checkers: none of them is missing here
             theirs, ours = (
                 _order(abs(ct or 0.0), abs(pd or 0.0))
                 for ct, pd in (values[:2], values[2:])
