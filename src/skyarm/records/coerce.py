@@ -386,6 +386,7 @@ def proper_rotation(field: str, value: object) -> Mat3:
     # a matrix to rounding stays as it is, bit by bit
     if skew <= ROUNDING:
         return rotation
+    # Newton-Schulz iteration X (3 - X^T X) / 2 towards the nearest rotation
     for _ in range(3):  # the error is squared each time: 1e-5, 1e-10, rounding
         left = [[3.0 * (i == j) - _dot(rows, i, j) for j in range(3)] for i in range(3)]
         rows = [

@@ -124,6 +124,7 @@ def _order(version: str) -> tuple[int, ...]:
     """Leading numbers of a version for comparison, without trailing zeros."""
     match = RELEASE.match(version)
     numbers = [int(part) for part in match[0].split(".")] if match else []
+    # so that 1.0 and 1 are one version
     while numbers and numbers[-1] == 0:
         numbers.pop()
     return tuple(numbers)

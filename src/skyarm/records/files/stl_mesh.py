@@ -69,6 +69,7 @@ def read_corners(path: PathLike, scale: Sequence[float] = METRES) -> Array:
     largest = require_near(corners)
     points = corners.reshape(-1, 3)
     # relative to the largest, since rounding of float32 grows with the distance
+    # singular values of points that lie alike grow with the root of their number
     thinnest = max(1e-6 * largest, THINNEST) * math.sqrt(len(points))
     if np.linalg.matrix_rank(points - points.mean(axis=0), tol=thinnest) < 3:
         raise ValueError("has all of its vertices in one plane: must have a volume")
@@ -164,6 +165,7 @@ def _text(content: bytes) -> Array:
                 for match in CORNER.finditer(content)
             ]
         )
+        # a line that begins as a vertex, without three numbers, is damage
         if len(corners) != count:
             raise ValueError
         return corners.reshape(-1, 3, 3)

@@ -367,7 +367,7 @@ def _not_finite(value: object) -> str:
     """Worst non-finite number in a value: "nan", else "inf"; empty if all numbers are
     finite.
     """
-    # of a motion
+    # a motion is judged by its state, an array by its numbers
     value = (
         value.tolist() if hasattr(value, "tolist") else getattr(value, "state", value)
     )
@@ -376,6 +376,7 @@ def _not_finite(value: object) -> str:
     from skyarm.records.leaves import leaves
 
     parts = value if isinstance(value, list) else leaves(value)
+    # as texts "nan" comes behind "inf", and both behind ""
     return max((_not_finite(part) for part in parts if part is not value), default="")
 
 
