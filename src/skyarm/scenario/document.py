@@ -115,6 +115,7 @@ def _read_by_name(slot: Slot, tables: Fields) -> tuple[object, ...]:
     """
     kind, inner = get_args(slot.type)[0], slot.word.inside[-1]
     of: Any = declared_units(kind)[inner][0]
+    # such a record has one more field, its name
     name = next(field for field in field_names(kind) or () if field != inner)
     return tuple(
         kind(

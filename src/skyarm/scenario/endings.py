@@ -112,6 +112,7 @@ class Divergence(Ending):
         for name, value, limit in zip(names, x, limits, strict=True):
             if not -limit < value < limit:
                 return f"{name} passed {limit:g}"
+        # the goal is of the position alone, the first three numbers
         away = (
             name
             for name, value, target in zip(names, x, goal, strict=False)

@@ -360,6 +360,7 @@ def _rotors(vehicle: Vehicle) -> Iterator[str]:
     from the vehicle's weight.
     """
     spins = [(float(each.inertia), each) for each in vehicle.rotors]
+    # one line, on the largest of them, tells of all
     for most, rotor in sorted(spins, key=lambda spin: -spin[0])[:1]:
         whole = float(rotor.axis.dot(vehicle.base.inertia.apply(rotor.axis)))
         # beyond, its size tells of it
