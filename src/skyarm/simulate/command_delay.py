@@ -55,6 +55,7 @@ def rotor_and_joint_delays(
             whole, rest = divmod(round(float(delay * rates.physics)), ratio)
             split.append((float(whole), rest / rates.physics))
         else:
+            # any other may end within a step
             split.append(_split(delay, rates.control))
     return split[0], split[1]
 
