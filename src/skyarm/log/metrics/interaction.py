@@ -176,6 +176,7 @@ class GripTotals(Metric):
         # a push of six numbers has no axis to turn about
         if not hinge or not now.part("gripper_pull") or len(now.push) <= 6:
             return memory
+        # of several grippers the first
         taken, pull = now.part("gripper_taken")[0], now.part("gripper_pull")[:3]
         place, axis = Vec3(*hinge[:3]), Vec3(*hinge[3:])
         out = out_of_axis(now.tool, place, axis, taken > 0.5, ZERO3_DATA)
