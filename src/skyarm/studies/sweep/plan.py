@@ -346,6 +346,7 @@ def largest_episode(study: Study) -> Scenario:
             sum(np.abs(each) / (np.abs(each).max() or 1.0) for each in drawn.values())
         )
     )
+    # all scenarios of a study fly the same draws, so the first one serves
     label = next(iter(study.scenarios))
     return at_episode(
         study, label, {path: each[episode] for path, each in drawn.items()}, episode
