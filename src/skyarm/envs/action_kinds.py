@@ -164,6 +164,7 @@ class RotorsAndJoints(Actions):
         """
         speeds = tuple(
             w * (1.0 + self.span * a)
+            # behind those of the rotors stand the numbers of the joints
             for w, a in zip(_hover(now.model), action, strict=False)
         )
         return now.memory, within_limits(now, speeds, self.efforts(action, now))
@@ -265,6 +266,7 @@ class References(Actions):
         )
         tip = tuple(
             p + self.position * a
+            # a vehicle without a tip has no reference of one
             for p, a in zip(reference.tip, action[:3], strict=False)
         )
         shifted = replace(
