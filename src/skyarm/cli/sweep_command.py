@@ -230,6 +230,7 @@ def _fly(
     folder = Path("out") / loaded.name if out is None else Path(out)
     say_unlikely(loaded.name, unlikely_numbers(largest_episode(loaded)))
     begin = time.perf_counter()
+    # episodes that were there at the first call took no time, and are no rate
     before = list[int]()
     laws = len(loaded.scenarios)
     with taken_back(folder), bar(loaded.name) as advance:
