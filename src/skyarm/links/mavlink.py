@@ -108,6 +108,7 @@ def pack(
     # MAVLink 2 cuts trailing zeros, but one byte stays
     payload = payload.rstrip(b"\0") or b"\0"
     try:
+        # length, two bytes of flags, none of which is set, and the sender
         header = bytes((len(payload), 0, 0, sequence & 0xFF, system, component))
     except (ValueError, TypeError) as error:
         raise MavlinkError(
