@@ -139,10 +139,13 @@ def _balls(shape: Collision) -> Array:
 
     A cylinder is taken as the capsule around it.
     """
+    # a sphere states a radius alone: the length of its middle line is then 0
     size = [*map(float, shape.size), 0.0]
     if shape.shape == "hull":
         points = np.array(shape.vertices, float)
     else:
+        # of a box the eight corners; the corners of a cube without width are the two
+        # ends of a middle line, each four times
         points = CUBE * (size[:3] if shape.shape == "box" else [0.0, 0.0, size[1]])
     R = np.array(shape.rotation.rows, float)
     centres = points @ R.T + np.array(shape.position, float)

@@ -199,6 +199,7 @@ def _gains(model: Any, actuator: int, notes: Notes) -> Array:
     servo = is_servo(model, actuator)
     name = name_of(model, "actuator", actuator)
     # a bias without a stiffness is a constant force; other dynamics filter the control
+    # dynamics of type 0 are none, and those of type 6 a PID loop
     if (
         not servo
         or (bias[0] and not bias[1])

@@ -107,6 +107,8 @@ def _joint_value(joint: Joint, turn: int, index: int) -> float:
     """
     # multiples of the golden ratio never repeat, so no posture is symmetric by chance
     free = 0.0 if turn == 0 else 0.2 + ((turn * 7 + index * 3 + 1) * GOLDEN) % 1.0
+    # 0.2 to 1.2 and the steps 7 and 3 are chosen: values away from zero, another one
+    # for each joint
     lower, upper = joint.ends
     return min(max(free, lower), upper)
 

@@ -210,6 +210,7 @@ def _with_rotor_links(vehicle: Vehicle) -> tuple[Body, Body]:
         mass = share * float(vehicle.base.mass)
         disc = 1e-4 * mass  # a few centimetres across
         rotor = Body(mass=mass, inertia=Sym3(disc, disc, 2.0 * disc))
+        # what the rotors' links get is taken from the base, so that their sum stays
         left = _less(
             vehicle.base,
             [rotor.transform(_upright(each), each.position) for each in vehicle.rotors],

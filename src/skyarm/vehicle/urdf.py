@@ -468,8 +468,8 @@ def read_joint(joint: ET.Element, R: Mat3, p: Vec3, notes: Notes) -> Joint:
         )
     values: dict[str, Any] = {
         "lower": lower,
-        # URDF demands an effort; a file without one says nothing of a drive
         "upper": upper,
+        # URDF demands an effort; a file without one says nothing of a drive
         "effort_limit": 0.0 if math.isnan(effort) else effort,
     }
     for ours, theirs in (("damping", "damping"), ("coulomb", "friction")):
