@@ -83,7 +83,8 @@ def error_strip(
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor="white")
     canvas: Any = FigureCanvasAgg(figure)
     style = replace(PAGE, text=TEXT * scale, small=TEXT * scale)
-    # ticks and pads do not shrink with the texts
+    # pixels left of the axes for numbers and a label, chosen; ticks and pads do not
+    # shrink with the texts
     edge = 78.0 * scale + 10.0
     bottom, top = (40.0 * scale + 9.0) / height, 1.0 - 10.0 * scale / height
     ax = figure.add_axes(

@@ -403,6 +403,7 @@ def _draw(ax: Axes, panel: Panel, named: Named, span: Span) -> Handles:
             limit and (high if limit > 0.0 else -low) >= NEAR * abs(limit)
         ):
             handles["limit"] = ax.axhline(limit, label="limit", **PAPER.limit.line)
+            # 7 % of the axis, chosen, so that the line of the limit is not its edge
             room = 0.07 * (max(high, limit) - min(low, limit))
             low, high = min(low, limit - room), max(high, limit + room)
     ax.set_ylim(low, high)

@@ -123,6 +123,7 @@ class PaperFigure:
     ) -> None:
         self.case, self.title, self.caption = case, f"{subject}, {CASES[case]}", caption
         letters = "abc" if len(parts) > 1 else [""]
+        # a letter stands at the first panel of its part; a figure of one part has none
         self.panels = [
             replace(panel, letter="" if i else letter)
             for letter, part in zip(letters, parts, strict=False)

@@ -89,6 +89,8 @@ def _paths(plan: Plan) -> tuple[Picture, list[Axes]]:
     middle = 0.5 * (points.max(axis=0) + points.min(axis=0))
     # half of the extent, and 5 % more for a margin
     half = 0.525 * np.ptp(points, axis=0)
+    # a path more than 1.5 times as long as wide and high, chosen, has its two views on
+    # top of each other
     stacked = half[0] > 1.5 * max(half[1:])
     # width over height of one drawing in a figure of the sizes below
     ratio = 3.6 if stacked else 1.05

@@ -344,6 +344,7 @@ def _mark_lengths_and_angles(sheet: Sheet) -> None:
         zip(vehicle.links, posed.axes, posed.angles, strict=True)
     ):
         R, at = posed.poses[i]
+        # an end on the joint itself has no length
         rods = [
             R @ end for body, end in ends if body == i and np.linalg.norm(end) > 1e-6
         ]
@@ -361,6 +362,8 @@ def _mark_lengths_and_angles(sheet: Sheet) -> None:
                 continue
             written.append((words, flat))
             sheet.label(words, middle)
+            # an angle is written once for a joint, and only if the view looks along its
+            # axis
             if (
                 rod is rods[0]
                 and link.joint.turns

@@ -358,6 +358,7 @@ def _shifts(flights: Flights, settings: FilmSettings) -> list[Array]:
     along = np.concatenate(
         [places @ right for f in flights for places in (f.desired_position, f.position)]
     )
+    # long paths may overlap: beyond 3 m, chosen, flights do not move farther apart
     apart = min(float(np.ptp(along)), 3.0) + 2.4 * max(map(vehicle_reach, flights))
     middle = 0.5 * (len(teams) - 1)
     return [apart * (i - middle) * right for i, team in enumerate(teams) for _ in team]

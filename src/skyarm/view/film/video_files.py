@@ -98,6 +98,7 @@ def webp_bytes(frames: Frames, fps: int) -> bytes:
     edges = [round(1e3 * k / fps) for k in range(len(rest) + 2)]
     durations = [after - before for before, after in itertools.pairwise(edges)]
     buffer = io.BytesIO()
+    # 0 loops are without end; libwebp wants kmin below kmax
     first.save(
         buffer,
         "WEBP",

@@ -95,6 +95,7 @@ def trail(flight: FlightFrames, k: int, width: float) -> list[Stroke]:
     # was drawn once
     every = max(1, int(np.searchsorted(times, times[0] + TRAIL)) // TRAIL_PIECES)
     at = _thin_out(flight.tip[[*range(-(-first // every) * every, k, every), k]])
+    # opacities from the oldest piece to the newest, chosen
     share = np.linspace(0.15, 0.85, max(len(at) - 1, 1))
     return [
         Stroke("line", width, a, b, (*flight.color, float(s)))

@@ -272,6 +272,7 @@ class Chart(Generic[Sample]):
                 curve = np.full(len(times), math.nan)
                 curve[: len(seen)] = np.round([column(one) for one in seen], DECIMALS)
                 curves.append(curve)
+        # the last curve is unseen and changes at each call
         limit = [] if self._limit is None else [np.full(len(times), self._limit)]
         return (
             np.array(times),

@@ -347,6 +347,7 @@ class Page(PageLoop):
             self._due = due
             self._show_values()
         slider = self._controls.time
+        # the range of the clock's slider grows by 30 s at a time
         longest = max(30.0, 30.0 * -(-fleet.furthest // (30 * fleet.rate)))
         if slider.max != longest:
             slider.max = longest

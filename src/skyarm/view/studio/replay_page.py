@@ -76,6 +76,7 @@ class ReplayPicture(StudioStage):
             )
             for name, color in (("measured", GHOST), ("model", COLORS[0]))
         ]
+        # twice the flight's extent, and 12 m at least; both chosen
         self._ground.width = self._ground.height = max(
             12.0, 2.0 * float(np.ceil((high - low)[:2].max()))
         )

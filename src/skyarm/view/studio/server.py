@@ -312,6 +312,7 @@ class Sieve:
         # booleans and texts have no limits, but menus have options
         if isinstance(current, (bool, str)):
             options = getattr(props, "options", None)
+            # 200 letters are chosen as the longest text
             if (
                 type(value) is not type(current)
                 or (options is not None and value not in options)
