@@ -76,6 +76,7 @@ def disc_radius(vehicle: Vehicle) -> float:
     """
     least = float(_hub_distances(vehicle).min(initial=np.inf))
     # a rotor by itself has no neighbour that bounds its disc
+    # 0.1 m for that one, chosen
     return 0.5 * least if least < np.inf else 0.1
 
 

@@ -362,6 +362,7 @@ def _largest_by_part(poses: ArmPoses, loaded: ArmPoses, joints: Array) -> Array:
     most = effort_limits(poses.vehicle)[:, None]
     effort, step = bare[WRENCH:], per_kilogram[WRENCH:]
     with np.errstate(divide="ignore", invalid="ignore"):
+        # a joint whose effort the payload does not change bears any payload
         efforts = np.where(
             np.abs(step) > 1e-12, (most - np.sign(step) * effort) / np.abs(step), np.inf
         )

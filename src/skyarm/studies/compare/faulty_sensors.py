@@ -90,6 +90,7 @@ class FaultySensors(SensorNoise):
         force = true.specific_force
         # a number, not a bool: flights of one program differ in it
         late = blend(self.old > 0.5, past[-1], force)
+        # one number decides whether there is a spike, and the other on its sign
         off = where(
             draws[-2] < SPIKED, where(draws[-1] < 0.5, -self.spike, self.spike), 0.0
         )

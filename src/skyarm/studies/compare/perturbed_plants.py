@@ -112,6 +112,7 @@ def draw(
         for moment in ("xx", "yy", "zz", "xy", "xz", "yz"):
             scale(f"{at}.inertia.{moment}", 1.0 + spread.inertia * inertia[:, i])
     low, high = spread.thrust
+    # from the least to the largest change, the same for all rotors
     thrust = (
         1.0 + low + 0.5 * (high - low) * (1.0 + draw_signed(CHANNEL_ROTORS, 1)[:, 0])
     )

@@ -161,6 +161,7 @@ class TeamCondition(Condition):
             return changed
         if self.stiffness != 1.0:
             changed["stiffness"] = float(own.stiffness) * self.stiffness
+            # three digits, as the number is written into a scenario file
             changed["damping"] = float(
                 f"{float(own.damping) * DAMPING * math.sqrt(self.stiffness):.3g}"
             )
@@ -300,4 +301,5 @@ class CarryingTeam:
         assert self.team.motion is not None
         lift = float(self.team.motion.lift)
         stop = min(float(self.team.motion.stop), self.scenario.duration)
+        # to a millisecond, since the time is written into a scenario file
         return round(lift + (stop - lift) * BEGIN, 3)

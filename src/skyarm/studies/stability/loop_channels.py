@@ -152,6 +152,7 @@ def _pushes(rotors: Sequence[Rotor], speeds: Array, size: int) -> list[LoopChann
         or not (speeds > 0.0).all()
     ):
         return []
+    # thrust goes with the square of the speed, so its slope is twice the speed
     slope = 2.0 * speeds
     reads = scaled[:axes] * slope
     enters = np.linalg.pinv(scaled[:axes]) / slope[:, None]

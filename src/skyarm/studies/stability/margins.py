@@ -114,6 +114,7 @@ def _gain(as_it_is: Closed, stable: bool, group: slice) -> tuple[float, float]:
 
     low = gain_edge(is_unstable, 1.0 / STRIDE, 1.0 / WIDEST)
     high = gain_edge(is_unstable, STRIDE, WIDEST)
+    # a search that reached its end found no edge, so there is no bound on that side
     return 0.0 if low == 1.0 / WIDEST else low, math.inf if high == WIDEST else high
 
 

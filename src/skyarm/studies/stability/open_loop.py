@@ -111,6 +111,8 @@ def derivatives(
     weights = np.array([weight for _, weight in STENCIL])
     slopes = values.reshape(len(values), directions, len(STENCIL)) @ weights / widths
     ends = np.cumsum([outs[0] - 1, *outs[1:]])
+    # an attitude has four numbers and three directions of change, so the state has one
+    # row less
     return np.split(slopes, ends[:-1].tolist())
 
 

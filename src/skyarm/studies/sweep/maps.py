@@ -117,6 +117,7 @@ def axis(
     different = np.unique(values)
     # drawn values hardly recur: a cell for each would hold one episode
     if 2 <= different.size <= LISTED and values.size > 2 * different.size:
+        # cells end half-way between values; the two outer ones reach as far out as in
         middle = 0.5 * (different[:-1] + different[1:])
         edges = np.concatenate(
             [

@@ -276,6 +276,7 @@ def _bounds(knobs: Sequence[GainKnob]) -> Array:
 def _strategy(
     mean: Array, step: float, population: int, seed: int, bounds: Array
 ) -> CMA:
+    # CMA wants its mean within its bounds and not on one
     inside = np.clip(mean, bounds[:, 0] + 1e-6, bounds[:, 1] - 1e-6)
     return CMA(
         mean=inside,
