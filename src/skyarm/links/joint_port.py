@@ -265,6 +265,7 @@ class JointServer:
         if time.monotonic() - self._heard > FRESH:
             self._partner, self._setpoints = None, None
             return None
+        # a commander that cannot be reached falls silent, which is noticed above
         with suppress(OSError):
             self._socket.sendto(
                 pack(STATE, self._count, at, (*joints, *joint_rates)), self._partner

@@ -221,6 +221,7 @@ class ArduPilotLink(ProgramLink):
         # yaw is positive to the left here, a heading to the right
         heading = -math.degrees(yaw_of(start.quaternion))
         parameters = vehicle_parameters(model.vehicle, float(model.gravity))
+        # a type of log of 0 is none: ArduPilot writes no log of its own
         parameters |= {
             "SIM_RATE_HZ": rate,
             "LOG_BACKEND_TYPE": 0,

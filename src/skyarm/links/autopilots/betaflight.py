@@ -275,6 +275,7 @@ class BetaflightLink(ProgramLink):
             self._send(state_message(k * WARM_STEP, *level), STATE_PORT)
             # in the first half its clock may still stand: only the second half counts
             answered += (2 * k > count) * bool(self._await_motors(sent + WARM_WAIT))
+        # at least half of the second half
         return answered > 0.25 * count
 
     @property

@@ -129,6 +129,7 @@ def hover_slope(vehicle: Vehicle, gravity: float) -> Array:
             if thrust_of(vehicle, middle * share).sum() < weight
             else (low, middle)
         )
+    # a difference about the hover; its width is chosen
     step = 0.02
     slope = thrust_of(vehicle, low * share + step) - thrust_of(
         vehicle, low * share - step
@@ -155,6 +156,7 @@ def vehicle_loops(vehicle: Vehicle, gravity: float) -> tuple[Array, dict[str, in
     (_, locked), turning = inertias(vehicle), turning_inertia(vehicle)
     settings: dict[str, int] = {}
     angle = fast
+    # Betaflight multiplies the integral gain of yaw by 2.5, and takes 250 at most
     for i, (name, bandwidth, boost) in enumerate(
         (
             ("roll", fast, 1.0),

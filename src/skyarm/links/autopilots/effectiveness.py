@@ -87,6 +87,7 @@ def square_share(rotor: Rotor, signals: Sequence[float]) -> float:
         float_array(push(rotor, each * float(rotor.max_speed)) for each in signals)
         / full
     )
+    # one unknown, which the thrust is linear in: thrust - s = a (s^2 - s)
     bend = s * s - s
     return float(bend @ (thrust - s) / (bend @ bend))
 

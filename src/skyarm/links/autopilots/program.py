@@ -246,6 +246,7 @@ class ProgramLink(SimulatorLink):
         Raises:
             LinkError: it ends, or does not connect.
         """
+        # a short wait, so that a program that has ended is noticed soon
         listener.settimeout(0.1)
         until = time.monotonic() + self._record.patience
         while True:

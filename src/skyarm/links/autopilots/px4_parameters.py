@@ -79,6 +79,7 @@ def vehicle_parameters(vehicle: Vehicle, gravity: float) -> dict[str, float]:
         )
     com, full = centre_of_mass(vehicle), highest_thrust(vehicle)
     parameters: dict[str, float] = {
+        # type 0 is a multirotor
         "CA_AIRFRAME": 0,
         "CA_ROTOR_COUNT": len(vehicle.rotors),
     }

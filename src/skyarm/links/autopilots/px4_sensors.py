@@ -207,6 +207,7 @@ class SensorMessages:
             "lat": round(latitude * 1e7),
             "lon": round(longitude * 1e7),
             "alt": _whole(altitude * 1e3, LONGEST_INT),
+            # accuracies and number of satellites of a good receiver, chosen
             "eph": 2,
             "epv": 3,
             "vel": _whole(speed * 100, LONGEST_SHORT),

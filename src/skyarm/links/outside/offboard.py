@@ -634,6 +634,7 @@ class OffboardFlight:
         # a request may be lost: it is repeated until a heartbeat shows the mode
         for _ in range(5):
             link.request_hold()
+            # 0.3 s for each request and 0.05 s between looks are chosen
             until = time.monotonic() + 0.3
             while time.monotonic() < until and not link.modes.is_hold(link.mode):
                 link.wait(0.05)

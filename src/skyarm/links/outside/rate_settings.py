@@ -127,6 +127,7 @@ class ParameterReader:
             missing = [name for name in names if name not in link.parameters]
             for name in missing:
                 link.request_parameter(name)
+            # 0.4 s for the answers of a round, chosen
             until = time.monotonic() + 0.4
             while time.monotonic() < until and any(
                 name not in link.parameters for name in missing
