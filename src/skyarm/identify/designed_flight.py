@@ -231,6 +231,7 @@ def broken_axes(log: Log, vehicle: Vehicle, axes: Axes, limits: DesignLimits) ->
     """Axes (4 + n,) whose motions break a limit in a flight."""
     broken = np.zeros(len(axes.rest), dtype=bool)
     if log.info["status"] != "completed" or _saturated_share(log, vehicle) > SATURATED:
+        # no axis alone is at fault for these: all count
         broken[:] = True
     broken[:3] |= np.abs(log.position - axes.rest[:3]).max(axis=0) > 0.5 * limits.box
     # what tilts the base is its motion along x and y

@@ -393,6 +393,7 @@ def _ground(
     )
     rows = rows[np.median(np.abs(rows), axis=1) > 0.0]
     share = float(np.median(lift(start, rows))) / weight if len(rows) else 0.0
+    # pieces of half a second, chosen: in each of them the spread of the rates is taken
     size = max(2, round(0.5 * gyro.rate))
     pieces = [
         gyro.values[i : i + size].std(axis=0).max()
@@ -464,7 +465,8 @@ def channel_gaps(name: str, channel: Channel) -> list[tuple[float, float]]:
         return []
     steps = np.diff(channel.time)
     is_held = QUANTITIES[name].held
-    # a command stays until the next one, so its rows may be farther apart
+    # a command stays until the next one, so its rows may be farther apart; 20 and 5
+    # usual steps are chosen
     most = max(
         HELD_GAP if is_held else SENSOR_GAP,
         (20.0 if is_held else 5.0) * float(np.median(steps)),
@@ -631,6 +633,8 @@ def _still(name: str, channel: Channel, aloft: Mask) -> Iterator[Found]:
     ):
         for limit in (column.max(), column.min()):
             at = (column == limit).astype(int)
+            # a saturated sensor stays at its limit for samples on end, and a peak does
+            # not
             triples = np.convolve(at, np.ones(3, dtype=int), "valid") == 3
             if (
                 at.sum() >= AT_LIMIT

@@ -208,6 +208,7 @@ def flying_spans(commands: Channel, start: Vehicle) -> list[tuple[float, float]]
     """Spans of time (s) in which the start vehicle's rotors lift a good part of its
     weight.
     """
+    # chosen: fine beside the time over which the lift is averaged
     step = 0.02
     time = np.arange(commands.time[0], commands.time[-1], step)
     speeds = commands.values[np.searchsorted(commands.time, time, side="right") - 1]

@@ -210,6 +210,7 @@ def mutate_segment(segment: Segment, axes: Axes, draw: np.random.Generator) -> S
     other = draw_segment(axes, segment.duration, draw)
     # two axes are drawn anew on the mean, and the others keep what was good in them
     anew = draw.uniform(size=len(axes.rest)) < 2.0 / len(axes.rest)
+    # chosen: more often larger than smaller
     scaled = segment.scale(draw.uniform(0.85, 1.3, size=len(axes.rest)))
     mutated = replace(
         segment,

@@ -154,6 +154,7 @@ def unknowns_of(
         if drag_height:
             unknowns.append(_any(DRAG_HEIGHT, "m", 0.0, arm))
     moments = second_moments(vehicle.base)
+    # how far a number may be off its start is chosen, here and below
     unknowns += [
         _above(f"base.second_moment.{k}", "kg m^2", m, 0.5)
         for k, m in zip("xyz", moments, strict=True)
@@ -228,6 +229,7 @@ def _of_rotors(vehicle: Vehicle, curve: bool) -> list[Unknown]:
             _above(name, "N", rise, 0.5)
             for name, rise in zip(rises_of_thrust(), _thrust_rises(rotor), strict=True)
         ]
+    # half of the rotor's own or a thousandth of the base's, whichever is larger; chosen
     spin = max(1e-3 * sum(second_moments(vehicle.base)), 0.5 * float(rotor.inertia))
     return [
         *unknowns,
@@ -334,6 +336,7 @@ def _of_servo(vehicle: Vehicle, joint: int) -> list[Unknown]:
 def _of_surroundings(
     arm: float, weight: float, voltage: bool, driven: bool
 ) -> list[Unknown]:
+    # spreads about these starts are chosen: along z offset and torque are smaller
     return [
         _any("delay", "s", USUAL_DELAY, DELAY_SPREAD),
         *([_any("joint_delay", "s", USUAL_DELAY, DELAY_SPREAD)] if driven else []),
