@@ -536,7 +536,8 @@ def _best_offset(pair: _Pair, widest: float) -> tuple[float, float | None]:
     sums = np.fft.irfft(spectra.sum(axis=1), size)[lags]
     offsets = grid[0] - pair.time[0] + lags * step
     overlap = np.minimum(lags + b, a) - np.maximum(lags, 0)
-    # a small overlap correlates well by chance
+    # a small overlap correlates well by chance; three tenths of the shorter stream are
+    # chosen
     near = (np.abs(offsets) <= widest) & (overlap >= 0.3 * min(a, b))
     if not near.any():
         raise ValueError("clocks: must be of streams that were taken at the same time")
@@ -679,6 +680,7 @@ def _robust(jacobian: Array, given: Array) -> tuple[Array, Array, Array]:
     """
     count, axes = given.shape
     flat, weights = jacobian.reshape(count * axes, -1), np.ones_like(given)
+    # four rounds of new weights, chosen
     for _ in range(4):
         root = np.sqrt(weights)
         change, *_ = np.linalg.lstsq(

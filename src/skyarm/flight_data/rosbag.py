@@ -302,6 +302,7 @@ def _decode(
         if not rows or not unknown.isdisjoint(topics):
             raise ValueError(notes[-1].removesuffix("."))
     if not rows:
+        # twenty at most, so that the message stays short
         there = ", ".join(
             sorted(f"{topic} ({kind})" for topic, kind in kinds.items())[:20]
         )

@@ -242,6 +242,8 @@ def _limits(
         name.startswith(f"{bank}_TIM") and timer <= DSHOT_TIMER
         for name, timer in parameters.items()
     ):
+        # the least output is a whole number; 0.055 is PX4's own value where the log has
+        # none
         return (
             float(int(DSHOT * parameters.get("DSHOT_MIN", 0.055))),
             float(DSHOT),
