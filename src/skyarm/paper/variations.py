@@ -78,6 +78,7 @@ def reshaped_ramps(planned: Scenario, shape: str) -> Scenario:
             [(seconds - moving, height)] if seconds > moving else []
         )
     base = planned.agent.reference
+    # the joints of Case 1 begin to move at 6 s
     first = sequence(6.0, segments, shape="quintic" if shape == "quintic" else "linear")
     return planned.with_reference(replace(base, joints=(first, *base.joints[1:])))
 

@@ -140,6 +140,7 @@ def _reason(near: int, cells: int, inferred: int, results: Record) -> str:
         if name in found
     ]
     such = f", such as the {named[0]}" if named else ""
+    # of the numbers that differ without these settings at least half agree with them
     much = "Most" if 2 * (inferred - near) >= cells - near else "Some"
     return (
         f"{much} differences come from unstated settings{such}: with those of a search,"
