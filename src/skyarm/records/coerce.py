@@ -410,6 +410,8 @@ def _skew(rows: list[list[Scalar]]) -> float:
 
 def near_unit_quaternion(value: Quaternion) -> Quaternion:
     """Convert to a quaternion and normalise it if its length is 1 within TOLERANCE."""
+    # a traced one has no length to see; one that is off by rounding alone stays as it
+    # is
     length = math.sqrt(sum(c * c for c in value)) if concrete(*value) else 1.0
     return (
         Quaternion(*(c / length for c in value))

@@ -211,6 +211,7 @@ def as_data(record: Record) -> Record:
         return type(record)(
             **{name: as_data(value) for name, value in parts(record).items()}
         )
+    # type() and not isinstance: a truth value is an int, too, and stays
     return cast("Record", float(record)) if type(record) is int else record  # type: ignore[arg-type]
 
 

@@ -253,6 +253,7 @@ def options_from(function: Callable[..., object], fields: Fields) -> dict[str, o
             value = value_from(*declared.get(name, (float, NUMBER)), fields, name)
             values[name] = default_if_equal(value, parameter.default)
         else:
+            # the key counts as known, for the message on a misspelt one
             fields.take(name, None)
     return values
 

@@ -130,6 +130,7 @@ def _fill_function(
     for name, value in attributes.items():
         setattr(function, name, value)
     for cell, content in zip(function.__closure__ or (), contents, strict=True):
+        # a cell that was empty stays empty
         if content:
             (cell.cell_contents,) = content
 

@@ -125,5 +125,6 @@ def edits_kept(file: Path) -> Iterator[None]:
     with earlier_kept([file]) as earlier:
         yield
         for each in earlier:
+            # written anew with the same content, the earlier one need not be kept
             if file.is_file() and file.read_bytes() == each.read_bytes():
                 each.unlink()

@@ -287,6 +287,7 @@ def distinct(names: Sequence[str]) -> list[str]:
     distinct_names: list[str] = []
     for name in names:
         unique, k = name, 2
+        # a name with a number may be the own name of another
         while unique in distinct_names or (unique != name and unique in names):
             unique, k = f"{name}_{k}", k + 1
         distinct_names.append(unique)

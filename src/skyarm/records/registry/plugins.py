@@ -245,6 +245,7 @@ def _beside(key: str, before: set[str]) -> list[str]:
     folder.
     """
     folder = str(Path(key).parent)
+    # a copy, since the table of modules may change meanwhile
     since = {
         name: file_of(module)
         for name, module in [*sys.modules.items()]
@@ -297,6 +298,7 @@ def _where(error: BaseException, file: Path) -> str:
         for frame, line in walk_tb(error.__traceback__)
         if frame.f_code.co_filename == str(file)
     ]
+    # of several calls within the file the innermost
     return f"line {lines[-1]}: " if lines else ""
 
 
