@@ -488,6 +488,7 @@ def _require_only(fields: Fields, word: str, allowed: str) -> None:
     ``safety`` and ``servos``.
     """
     for other, value in fields.table.items():
+        # tuned = false states what holds without it
         if other not in (word, *LAYERS) and (other, value) != ("tuned", False):
             raise ValueError(
                 f"{fields.at(other)} = {shown(value)}: must be left out: {allowed}"

@@ -332,6 +332,7 @@ def sources(scenario: Scenario, tick: int) -> dict[str, int]:
         (change.tick(rate), i, change.path)
         for i, change in enumerate(scheduled_changes(scenario))
     )
+    # in the order of time, so that the last change of a path stays
     return {path: i for at, i, path in made if at <= tick and path in numbers}
 
 

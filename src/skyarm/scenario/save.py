@@ -216,6 +216,7 @@ def _added_loads(begun: Scenario, target: Scenario) -> dict[str, Any]:
     paths: dict[Any, str] = {}
     for name, agent in target.agents.items():
         prefix = f"{prefix_of(target, name)}plant.payload."
+        # further loads stand behind those of the other scenario
         for load in agent.plant.loads[len(begun.agents[name].plant.loads) :]:
             for frame in agent.vehicle.frames:
                 if load == agent.vehicle.point_mass(load[1].mass, frame.name):
@@ -338,6 +339,7 @@ def _different_words(one: Scenario, other: Scenario) -> dict[str, Slot]:
     """Keys of a scenario file whose values differ between two scenarios."""
 
     def content(scenario: Scenario, slot: Slot) -> str:
+        # of a group, such as one vehicle's fields, each field is compared by itself
         field = slot.record[: 2 if slot.record[0] in groups(Scenario) else 1]
         return digest(plain(part(scenario, field)))
 

@@ -292,6 +292,7 @@ def _model(scenario: Scenario) -> Iterator[str]:
             if line not in truth_lines
         )
     ours, theirs = float(truth.mass), float(model.mass)
+    # "not", so that NaN is warned of, too
     if not ours < LOADED * theirs or not theirs < LOADED * ours:
         yield (
             f"plant.vehicle of {ours:g} kg, model.vehicle of {theirs:g} kg: differ; kg,"
@@ -419,6 +420,8 @@ def law_warnings(scenario: Scenario) -> Iterator[str]:
         scenario.agent.plant.vehicle,
         [each.joint for each in scenario.agent.joint_drives],
     )
+    # a law in a safety layer counts as the law, and so does each variant of the
+    # centroidal one
     name = scenario.agent.controller.name.removeprefix("guarded_")
     law = "centroidal" if name.startswith("centroidal_") else name
     if free and law in SHIPPED["law"] and law not in BEARS_UNDRIVEN:
