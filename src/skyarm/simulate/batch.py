@@ -280,6 +280,8 @@ class Batch:
         """
         statuses = np.full(len(ticks), "completed", dtype=object)
         for leg, now in zip(self._legs, ends, strict=True):
+            # a flight of full length ends at the end of the last leg, which belongs to
+            # it
             here = (ticks >= leg.periods.start) & (
                 (ticks < leg.periods.stop) | (leg is self._legs[-1])
             )

@@ -145,6 +145,8 @@ class AgentFeed:
         self.row: GivenRow = InputRow(time=0.0, reference=())
         self.table = inputs.times[:, None]
         self.goals = list[MetricGoal]()
+        # a reference that waits, or that differs between flights, is computed within
+        # each flight; any other one is a table of all of them
         if not (
             scenario.agent.reference.guards
             or any(path.startswith("reference.") for path in paths)

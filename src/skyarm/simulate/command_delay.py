@@ -181,6 +181,7 @@ def mean_efforts(
     A drive's memory is stepped once per period: of two setpoints it receives the mean,
     as with its own latency.
     """
+    # a delay that is known to be none costs nothing; a traced one may be of any size
     if type(late) is float and late == 0.0:
         return tuple(after.efforts)
     share = late / period

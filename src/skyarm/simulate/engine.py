@@ -183,6 +183,7 @@ class EpisodeCode(LoopProgram):
         written = Assembly.of(
             loop, Lanes(1), logging=True, effort=FULL if effort is None else effort
         )
+        # a short flight is over before quicker code has paid for its making
         if effort is None and not written.pays(self.scenario.steps):
             written = replace(written, effort=0)
         program = FlightProgram(

@@ -925,6 +925,7 @@ def check_law(
 
 def _try_periods(controller: Controller, flown: Scenario) -> None:
     """Try a law over the first control periods of a scenario (:func:`try_law`)."""
+    # at rest an accelerometer reads gravity upwards
     seen = measurement_of(
         first_state(flown), Vec3(0.0, 0.0, float(flown.agent.plant.gravity))
     )

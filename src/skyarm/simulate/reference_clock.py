@@ -146,6 +146,8 @@ class Waits:
             timeout=guard.timeout * rate,
             early=float(guard.early),
             fails=float(guard.fails),
+            # terms of all guards have the same fields, as one is chosen by a traced
+            # number
             stop=(
                 Vec3(*map(data, self._trajectory.at(guard.at).position))
                 if self._moves
