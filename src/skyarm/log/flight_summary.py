@@ -182,6 +182,7 @@ def error_norms(log: Log) -> dict[str, Array]:
     arrays = {"position": "position"}
     if log.joints.shape[1]:
         arrays["joints"] = "joints"
+    # without an end effector the tip is the base, whose error is there already
     if not np.array_equal(log.tool, log.position):
         arrays["tip"] = "tool"
     return {

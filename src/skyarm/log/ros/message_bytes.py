@@ -117,6 +117,7 @@ class Template:
         or (N, k), a row per message.
         """
         given = np.zeros(field.length or 0) if value is None else np.asarray(value)
+        # only a list of any length begins with its count
         if not field.length:
             self._numbers_at(LENGTH, given.shape[-1])
         if given.shape[-1]:
@@ -205,6 +206,7 @@ class Decoder:
             return self._number(LETTERS[kind])
         if kind == "string":
             return (
+                # the bytes of a text end with a zero
                 self._bytes(int(self._number(LENGTH)))
                 .removesuffix(b"\0")
                 .decode(errors="replace")
