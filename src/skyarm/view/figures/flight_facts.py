@@ -173,6 +173,7 @@ def flights_by_label(flights: Flights) -> dict[str, Log]:
     )
     logs = [as_log(each) for each in given]
     files = [os.fspath(each) for each in given if not isinstance(each, Log)]
+    # files name flights only if all of them are files
     return dict(
         zip(
             flight_labels(logs, files if len(files) == len(logs) else ()),

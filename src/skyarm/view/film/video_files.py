@@ -137,6 +137,7 @@ def require_film_format(path: Path, others: tuple[str, ...] = ()) -> Writer | No
             f"film = {shown(str(path))}: suffix {shown(suffix)}:"
             f" {must_be_one_of((*FILM_FORMATS, *others), suffix)}"
         )
+    # before any picture is computed, so that a missing package is said at once
     if suffix == "mp4":
         import_av()
     return FILM_FORMATS[suffix]

@@ -219,6 +219,7 @@ class Renderer:
             self._model, self._data, _camera(panel.camera, k), scene
         )
         for i in range(scene.nlight):
+            # the lamp goes along with what the camera looks at
             if not scene.lights[i].headlight:
                 scene.lights[i].pos = panel.camera.look_at[k] + LAMP
 
