@@ -65,6 +65,7 @@ def largest_push(scenario: Scenario) -> Reference | None:
     vehicle, push = scenario.agent.vehicle, scenario.agent.reference.push
     if push is None or not vehicle.n or not vehicle.end_effector:
         return None
+    # the flight ends before its last instant, which belongs to no period
     times = np.linspace(0.0, scenario.duration, INSTANTS, endpoint=False)
     forces = np.broadcast_to(
         doubles(scenario.agent.reference.at(times).push[0]), times.shape

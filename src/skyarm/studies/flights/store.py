@@ -93,6 +93,7 @@ def pack_rows(rows: Rows, metadata: Mapping[bytes, bytes]) -> bytes:
     }
     table = pa.table(columns).replace_schema_metadata(metadata)
     sink = io.BytesIO()
+    # a few texts stand in many rows, and are written once each; numbers differ
     parquet.write_table(table, sink, compression="zstd", use_dictionary=texts)
     return sink.getvalue()
 

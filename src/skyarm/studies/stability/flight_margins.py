@@ -79,6 +79,7 @@ class LinearisedInstant:
         lows, highs = zip(
             *(getattr(each, field) for each in self.by_lag.values()), strict=True
         )
+        # the factors that all of them stand
         return max(lows), min(highs)
 
 

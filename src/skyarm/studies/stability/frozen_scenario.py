@@ -175,6 +175,7 @@ def without_adaptation(scenario: Scenario) -> Scenario:
     adaptation = part_of(scenario.agent.controller.par, "adaptation")
     if not hasattr(adaptation, "damping_limits"):  # of other laws these are gains
         return scenario
+    # between two limits that are equal a damping stays
     held = tuple((damping, damping) for damping in adaptation.doubted)
     return _with_part(
         scenario, adaptation=replace(adaptation, load=None, damping_limits=held)

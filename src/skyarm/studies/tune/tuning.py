@@ -331,6 +331,7 @@ class Tuner:
         required = self._plan.subject.required(self._plan.flight)
         self._progress(self._total, self._total, "plants and a path kept aside")
         rows = np.array([each.logs for each in points.values()])
+        # 3: a seed of its own, apart from those of the search
         flown = scores(
             self._flown_once("aside", self._plan.aside, self._stages.aside, 3, rows)
         )
