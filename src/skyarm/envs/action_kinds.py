@@ -120,6 +120,7 @@ class Actions:
             self._span(link.joint, setpoint)
             for link, setpoint in zip(links, now.setpoints, strict=True)
         ]
+        # an action ends with the joints
         return list(zip(action[len(action) - len(links) :], spans, strict=True))
 
     def _span(self, joint: Joint, setpoint: bool) -> tuple[Scalar, Scalar]:

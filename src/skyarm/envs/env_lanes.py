@@ -73,6 +73,7 @@ class EpisodeStarts:
         as array (values, episodes).
         """
         if not self.varies:
+            # all episodes begin alike, and one of them is kept
             return self._table[:, np.zeros(len(lanes), dtype=np.intp), 0]
         at = episodes - self._first[lanes]
         missing = (at < 0) | (at >= self._depth)

@@ -245,4 +245,5 @@ def seeds_of(seed: int | Sequence[int | None] | None, lanes: int) -> list[int | 
             for k, each in enumerate(seed)
         ]
     first = seed_of(seed)
+    # behind the largest key the smallest one follows
     return [(first + k) % KEYS for k in range(lanes)]

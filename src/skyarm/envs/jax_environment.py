@@ -232,6 +232,8 @@ class JaxEnvironment:
         self, state: JaxState, numbers: tuple[Array, ...], action: Array
     ) -> tuple[tuple[Array, ...], Array, Array, Array, Array]:
         loop = self._program.loop
+        # the state has the high word of the seed first, and the numbers take the low
+        # one first
         draws = uniforms(
             state.seed[::-1], state.episode, state.period, loop.uniforms, self.dtype
         )
