@@ -322,6 +322,7 @@ def chosen_names(
             raise ValueError(f"{option} = {shown(name)}: {must_be_one_of(there, name)}")
         if names.count(name) > 1:
             raise ValueError(f"{option} = {shown(name)}: must be named once")
+    # in the order of what there is, however they were typed
     return tuple(name for name in there if name in names)
 
 

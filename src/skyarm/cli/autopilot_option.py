@@ -146,6 +146,7 @@ def outside_command(scenario: str, planned: Scenario) -> str:
     if record is None or not record.outside:
         return ""
     mavlink, joints = record.outside_ports
+    # a scenario that an autopilot flies states no law, so one must be chosen
     law = (
         " --laws LAW"
         if autopilot_of(load_scenario(scenario).agent.controller) is not None

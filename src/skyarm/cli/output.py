@@ -69,6 +69,7 @@ class Terminal(Console):
                 yield segment
             else:
                 yield Segment(
+                    # line breaks are the only control characters that stay
                     "\n".join(map(printable, segment.text.split("\n"))), segment.style
                 )
 
