@@ -278,6 +278,7 @@ class JointServer:
             self._partner not in (None, sender)
             and time.monotonic() - self._heard <= FRESH
         )
+        # a state is what this side sends, so it is no message of a commander
         if message is None or message[0] == STATE or stranger:
             self._refused += 1
             return

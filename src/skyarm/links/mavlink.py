@@ -137,6 +137,7 @@ def _characters(value: Any, count: int) -> bytes:
     """Encode text of at most ``count`` bytes; TypeError or ValueError for any other
     value.
     """
+    # bytes() of a number would be as many zeros, which a memoryview refuses
     encoded = value.encode() if isinstance(value, str) else bytes(memoryview(value))
     if len(encoded) > count:
         raise ValueError(value)
@@ -280,6 +281,7 @@ class Parser:
         """Count the frames missing between a frame and the previous one of the same
         sender.
         """
+        # a sequence number is one byte, and begins again at 0
         gap = (sequence - self._next_sequence.get(sender, sequence)) & 0xFF
         self._next_sequence[sender] = sequence + 1
         if gap:
@@ -294,10 +296,12 @@ def _frame_end(pending: bytes, start: int) -> int:
         header, signature = _HEADER_1, 0
     else:
         flags = pending[start + 2] if start + 2 < len(pending) else 0
+        # of flags that are not known the length is not known either
         if flags & ~_SIGNED:
             return start
         header, signature = _HEADER_2, _SIGNATURE * flags
     if start + header > len(pending):
+        # one past what has arrived: the caller waits for more
         return len(pending) + 1
     return start + header + pending[start + 1] + _CHECKSUM + signature
 

@@ -494,6 +494,7 @@ class ArduPilotLink(ProgramLink):
             self._planned, self._ready and not self._vehicle.armed
         )
         if count * self._goal_every * self._period >= SETTLED:
+            # the later half alone, as the estimate settles before it
             self._vehicle.find_origin(count - count // 2)
             self._next = 0.0
 

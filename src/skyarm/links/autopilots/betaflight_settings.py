@@ -234,6 +234,7 @@ class Sticks:
 
     def __init__(self, vehicle: Vehicle, gravity: float) -> None:
         self._mass, share = float(vehicle.mass), mixer(vehicle)[:, 0]
+        # steps of half a percent, chosen
         self._throttles = np.linspace(0.0, 1.0, 201)
         self._thrusts = np.array(
             [

@@ -162,6 +162,7 @@ class Child:
         """Kill the process and all its children; a second call does nothing."""
         if self._pipe < 0:
             return
+        # a program may have ended by itself
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()

@@ -163,6 +163,7 @@ def check_reach(reference: Trajectory, time: float, goals: Mapping[str, float]) 
     signals = _signals(reference)
     for word, goal in goals.items():
         value = _begin(signals[word], time)[0]
+        # two headings are half a turn apart at most
         if word != HEADING and not abs(goal - value) <= FARTHEST:
             raise MessageError(
                 f"{word} = {goal:g}: must be within {FARTHEST:g} of the reference,"

@@ -112,6 +112,8 @@ class Ros2Node:
         last for later subscribers.
         """
         policy, within = self._dds.qos.Policy, self._dds.util.duration
+        # ROS 2 reads the first version of the encoding (CDR) only; a slow reader holds
+        # a flight up by 1 ms at most
         qos = self._dds.qos.Qos(
             policy.Reliability.Reliable(max_blocking_time=within(milliseconds=1)),
             policy.Durability.TransientLocal if latched else policy.Durability.Volatile,
@@ -275,6 +277,7 @@ def _open_sockets() -> set[int]:
     descriptors = set[int]()
     if sys.platform == "linux":
         for name in os.listdir("/proc/self/fd"):
+            # the descriptor that the folder was listed by is closed again
             with contextlib.suppress(OSError):
                 if os.readlink(f"/proc/self/fd/{name}").startswith("socket:"):
                     descriptors.add(int(name))

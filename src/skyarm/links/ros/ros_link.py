@@ -164,6 +164,7 @@ class RosLink:
                 for name, log in self._log.agents.items()
             }
             self._topics = (*of_log, *topics_of_all(own))
+            # a message that is sent once waits for those who come later
             for topic in self._topics:
                 node.advertise(topic.name, topic.kind, latched=topic.every == 0)
             self._agents = {
