@@ -88,6 +88,7 @@ class DesignLimits:
         """
         shares = np.zeros(BASE_AXES + vehicle.n)
         if flight.tilt.max() > TRACKING * self.tilt:
+            # what tilts the base is its motion along x and y
             shares[:2] = 1.0
         for k in _overloading(vehicle, flight):
             *base, joints = _FAULT[k]

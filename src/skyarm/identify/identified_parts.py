@@ -247,6 +247,7 @@ def _drive(
     }
     if not changes or not isinstance(mounted.drive, PositionServo):
         return mounted
+    # a search may try a time below 0, which no record takes
     if checked:
         changes["latency"] = max(
             changes.get("latency", float(mounted.drive.latency)), 0.0

@@ -408,6 +408,7 @@ def act_early(
     names = [each.name for each in search.unknowns]
     if "delay" not in names or search.slow or any(map(are_samples, flights)):
         return False
+    # the slowest commands count
     period = max(
         1.0 / command_samples(commanded_speeds(each, search.start)).rate
         for each in flights
@@ -458,6 +459,7 @@ def moved_joints(
     """
 
     def logged(quantity: str, joint: int) -> bool:
+        # a column of zeros is that of a joint which nothing drives by it
         return any(
             quantity in each and bool(np.any(each[quantity].values[:, joint]))
             for each in flights
