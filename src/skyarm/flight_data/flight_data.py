@@ -396,6 +396,7 @@ def format_name(path: PathLike) -> str:
     head = b""
     if not folder:
         with file.open("rb") as stream:
+            # longer than the beginning of any format that ships
             head = stream.read(64)
     formats = {
         name: _checked(name, find("flight_format", name))

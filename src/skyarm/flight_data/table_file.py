@@ -64,6 +64,7 @@ def read_table(path: Path, columns: Columns | None) -> FlightData:
             tables[name] = _table_of(
                 path.parent / name, replace(columns, signals=here), of_file
             )
+        # a note begins with the word file, in whose place the name of this one stands
         notes += [f"{name}{each.removeprefix('file')}" for each in of_file]
     return flight_of(path, tables, {}, replace(columns, signals=of_files), notes=notes)
 
