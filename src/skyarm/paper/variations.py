@@ -88,6 +88,7 @@ def damped_first_joint(planned: Scenario) -> Scenario:
     suggest.
     """
     truth = planned.agent.vehicle
+    # the largest of the dampings that are tried
     first = replace(
         truth.links[0], joint=replace(truth.links[0].joint, damping=DAMPINGS[-1])
     )
