@@ -112,8 +112,8 @@ def _compare_fields(kind: type, own: Mapping[str, object]) -> None:
     command takes 40 ms.
     """
     names = [each.name for each in fields(kind) if each.compare]
-    # of no field and of one an attrgetter makes no tuple
-    # with the class itself as filler, so that the getter always returns a tuple
+    # of no field and of one an attrgetter makes no tuple: the class itself fills up to
+    # two
     values = attrgetter(*names, *["__class__"] * (2 - len(names)))
 
     def equal(self: object, other: object) -> bool:

@@ -390,6 +390,7 @@ def number_duplicates(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
     """
     digests: dict[str, str] = {}
     for plain, identity in pairs:
+        # numbered by its place, as the files before it have lower numbers
         name, number = plain, len(digests)
         while digests.get(name, identity) != identity:
             number += 1
