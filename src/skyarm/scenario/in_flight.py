@@ -257,6 +257,7 @@ def is_part(path: str, value: object) -> bool:
     """True if a scheduled change replaces a whole section, such as the controller, and
     not a single number.
     """
+    # a yaw may be one number, or as a whole a signal
     word = word_of(path)
     return word in whole_parts() and (
         word != "reference.yaw" or isinstance(value, (str, bool, list, tuple, Mapping))
