@@ -119,6 +119,7 @@ class Controls:
         self._menus = []
         if len(names) > 1:
             hint = "plots, sliders and pushes are of this one"
+            # half a place less: right above the tabs
             self._menus = [
                 gui.add_dropdown(
                     "vehicle", tuple(names), hint=hint, order=self.tabs.order - 0.5

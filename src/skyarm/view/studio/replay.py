@@ -147,6 +147,7 @@ class PredictionReplay(Clock):
         """
         rows = np.arange(max(0, self.tick - round(seconds * RATE)), self.tick + 1)
         measured = segments(self.measured.position[rows])
+        # within one prediction the age rises, and falls where the next one begins
         own = np.diff(self.age[rows]) > 0.0
         return measured, segments(self.model.position[rows])[own]
 
