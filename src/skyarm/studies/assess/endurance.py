@@ -214,6 +214,7 @@ def hover_time(
         middle = voltage_at(start - (i + 0.5) * width)
         if middle is None:
             break
+        # a capacity is in A h, and an hour has 3600 s
         lasts = 3600.0 * float(battery.capacity) * width * middle / power
         part = min(1.0, (longest - seconds) / lasts)
         voltage = middle

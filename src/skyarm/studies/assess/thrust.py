@@ -154,6 +154,7 @@ def torque_authority(poses: ArmPoses) -> list[Finding]:
         squared = poses.squared_speeds(joints)
         inertias = locked_inertia(poses.vehicle, joints)
         rooms = (poses.allocation.room(squared, direction) for direction in directions)
+        # directions come in pairs, both senses of each axis
         least = np.stack(
             [room / inertias[:, i // 2, i // 2] for i, room in enumerate(rooms)]
         )
