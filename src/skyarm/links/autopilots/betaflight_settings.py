@@ -116,6 +116,7 @@ def hover_slope(vehicle: Vehicle, gravity: float) -> Array:
     """
     share = mixer(vehicle)[:, 0]
     weight, low, high = float(vehicle.mass) * gravity, 0.0, 1.0
+    # a tenth more than the weight, chosen
     if thrust_of(vehicle, share).sum() < 1.1 * weight:
         raise ScenarioError(
             "plant.vehicle: full thrust must be at least 1.1 times the weight for"

@@ -442,6 +442,7 @@ class PX4Link(ProgramLink):
         count = self._vehicle.compare_place(
             self._sensors.fix, self._ready and not self._armed
         )
+        # once a second, from the last two seconds; both chosen
         if count >= SETTLED * self._rate and self._steps % self._rate == 0:
             self._vehicle.find_origin(2 * self._rate)
 

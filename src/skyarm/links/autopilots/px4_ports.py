@@ -52,6 +52,7 @@ def open_ports(instance: int) -> Ports:
         # PX4 adds its instance to each of these numbers
         tcp, udp = socket.socket(), socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
+            # the port of a flight that has just ended may be used at once
             tcp.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             tcp.bind(("127.0.0.1", 4560 + number))
             tcp.listen(1)
