@@ -453,6 +453,7 @@ def _outputs(
     for name, each in tables.items():
         if name.startswith(OUTPUTS) and each.has(column):
             sent = each.numbers(column)[each.numbers(column) > 0.0]
+            # within 1 of the limits, as outputs are whole numbers
             if sent.size and sent.min() >= low - 1.0 and sent.max() <= high + 1.0:
                 found[name] = each
     if len(found) > 1:  # pulse widths lie within the limits of UAVCAN, too
