@@ -136,8 +136,8 @@ def write_csv(log: Log, path: PathLike) -> Path:
             piece = rows_of(log, slice(begin, begin + PIECE))
             table = np.column_stack([each.of(piece) for each in every])
             if finite:
-                # a tenth of the time of repr, which was a fifth of a first command; rows
-                # without the brackets around them
+                # a tenth of the time of repr, which was a fifth of a first command; cut
+                # off are the brackets around the rows
                 rows = orjson.dumps(table, option=orjson.OPT_SERIALIZE_NUMPY)[
                     2:-2
                 ].replace(b"],[", b"\n")
