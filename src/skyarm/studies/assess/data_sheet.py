@@ -194,6 +194,7 @@ def _cell(value: Tree) -> str:
         for _, each in walk(value)
         if each is not None and not isinstance(each, str)
     ]
+    # six digits, chosen
     return " ".join(
         "none" if math.isinf(each) else shown_number(each, 6) for each in numbers
     )
