@@ -68,8 +68,8 @@ class Terminal(Console):
             if segment.control or segment.text.isprintable():
                 yield segment
             else:
+                # line breaks are the only control characters that stay
                 yield Segment(
-                    # line breaks are the only control characters that stay
                     "\n".join(map(printable, segment.text.split("\n"))), segment.style
                 )
 
