@@ -68,7 +68,7 @@ def read_corners(path: PathLike, scale: Sequence[float] = METRES) -> Array:
         corners: Array = written * np.array(scale)
     largest = require_near(corners)
     points = corners.reshape(-1, 3)
-    # relative to the largest, since rounding of float32 grows with the distance
+    # relative to the largest, since rounding of float32 grows with the distance; the
     # singular values of points that lie alike grow with the root of their number
     thinnest = max(1e-6 * largest, THINNEST) * math.sqrt(len(points))
     if np.linalg.matrix_rank(points - points.mean(axis=0), tol=thinnest) < 3:

@@ -449,6 +449,7 @@ def _lock_file(path: Path, folder: Path) -> int | None:
     """
     try:
         try:
+            # for all users, but for what the umask takes away
             handle = os.open(path, _OPEN, 0o666)
         except PermissionError:
             # what another user's process left can be locked without being written
@@ -507,6 +508,7 @@ def _process(handle: int) -> str:
     """
     with suppress(OSError):
         os.lseek(handle, 0, os.SEEK_SET)
+        # no process has a number of more than 20 digits
         number = os.read(handle, 20).decode("ascii", "replace")
         if number.isdecimal():
             return f" (process {number})"
