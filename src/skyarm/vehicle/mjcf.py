@@ -263,6 +263,7 @@ def _at_rest(model: MjModel, root: int) -> MjData:
     data = mujoco.MjData(model)
     for joint in _joints(model, root)[:1]:
         if kind_of(model, joint) == "free":
+            # a free body stands at the origin, unturned
             data.qpos[model.jnt_qposadr[joint] :][:7] = (0, 0, 0, 1, 0, 0, 0)
     mujoco.mj_kinematics(model, data)
     return data

@@ -198,8 +198,8 @@ def _gains(model: Any, actuator: int, notes: Notes) -> Array:
     kind = model.actuator_gaintype[actuator]
     servo = is_servo(model, actuator)
     name = name_of(model, "actuator", actuator)
-    # a bias without a stiffness is a constant force; other dynamics filter the control
-    # dynamics of type 0 are none, and those of type 6 a PID loop
+    # a bias without a stiffness is a constant force; dynamics of type 0 are none, those
+    # of type 6 a PID loop, and others filter the control
     if (
         not servo
         or (bias[0] and not bias[1])
