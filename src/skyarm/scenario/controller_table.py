@@ -231,6 +231,7 @@ def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Contro
     """Wrap a new controller in the safety layer of the controller that it replaces, if
     there is such a layer.
     """
+    # a layer that turns rotors lies around the safety layer
     if getattr(before, "turns_rotors", False):
         before = before.own
     from skyarm.control.safety.safety_layer import SafetyParameters

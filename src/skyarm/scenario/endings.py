@@ -81,9 +81,8 @@ class Divergence(Ending):
         bounds.
         """
         # any comparison with NaN is false, so that a state that is not finite is not
-        # fine
-        # its own length is 1: twice that is no rounding, but an integrator that
-        # diverges
+        # fine; a quaternion's length is 1, and twice that is no rounding but an
+        # integrator that diverges
         fine: Scalar = absolute(state.quaternion.w) < LONG
         for value in list(state.quaternion)[1:]:
             fine = logical_and(fine, absolute(value) < LONG)

@@ -123,6 +123,7 @@ def follow(ceilings: Ceilings, duration: float) -> PathTime:
     rest at each stop.
     """
     square = ceilings.squares()
+    # ten small steps in each step of the law, chosen
     parts = 10
     small = STEP / parts
     stops = [stop for stop in sorted(ceilings.stops) if stop < duration]

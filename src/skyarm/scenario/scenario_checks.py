@@ -369,6 +369,7 @@ def sensors_suffice(scenario: Scenario) -> None:
         rate = number(each.sensor.frequency, f"{where}.frequency", low=0.0)
         if (
             rate
+            # a whole number but for rounding
             and abs(rates.control / rate - round(rates.control / rate))
             > 1e-9 * rates.control / rate
         ):
@@ -663,6 +664,7 @@ def _check_initial(state: State, vehicle: Vehicle) -> None:
 def check_quaternion(values: Scalars) -> None:
     """Check that a quaternion is four numbers of unit length."""
     good = len(values) == 4
+    # traced numbers have no length to see
     if good and concrete(*values):
         good = abs(math.sqrt(sum(c * c for c in values)) - 1.0) <= TOLERANCE
     if not good:
