@@ -516,6 +516,7 @@ class Engine:
             self._rows[before:stop, self._width :][:, : len(self.first.agents)] = 0.0
         going = self._fly(stop)
         size = self.tick - before
+        # at least 1 us: a clock may not have moved, and is divided by
         seconds = max(perf_counter() - begun, 1e-6)
         # eightfold at most, as the time of a few periods is a poor measure
         self._stretch = max(1, int(size * min(8.0, PIECE / seconds)))
