@@ -40,6 +40,7 @@ def motion_figure(plan: Plan) -> Figure:
     figure, axes = _paths(plan)
     for ax, (view, _) in zip(axes, SIDES, strict=True):
         for k, lines in enumerate(_stills(plan)):
+            # the last one is black, and the first one light grey
             shade = 0.75 * (1.0 - k / (STILLS - 1))
             for line in lines:
                 ax.plot(

@@ -324,6 +324,8 @@ def _mark_frames_and_axes(sheet: Sheet) -> None:
     for i, rotor in enumerate(vehicle.rotors):
         hub, axis = _rotor_bow(sheet, rotor)
         sheet.label(str(i + 1), hub)
+        # rounding may leave a unit axis more than 1; below 0.01 rad a rotor counts as
+        # upright
         tilt = math.acos(min(1.0, abs(axis[2])))
         upward = math.copysign(1.0, axis[2]) * axis
         if tilt > 0.01 and round(tilt, 3) not in marked:

@@ -85,6 +85,7 @@ def tip(flights: Flights, seconds: Array, aspect: float) -> CameraPath:
     apart = max(
         float(norm(flight.desired_tip - desired, axis=1).max()) for flight in flights
     )
+    # 0.9 is chosen: a little closer than what shows the whole vehicle
     distance = _distance_for_sphere(
         0.9 * max(map(vehicle_reach, flights)) + apart, aspect
     )
@@ -110,6 +111,7 @@ def vehicle_reach(flight: FlightFrames) -> float:
     whichever is longer.
     """
     arm = float(np.max(lengths(flight.desired_tip - flight.desired_position)))
+    # half a boom more for the discs, chosen
     return max(1.5 * longest_boom(flight.vehicle), arm)
 
 

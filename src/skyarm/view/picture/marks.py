@@ -105,6 +105,7 @@ def trail(flight: FlightFrames, k: int, width: float) -> list[Stroke]:
 
 def desired_path(flight: FlightFrames, width: float) -> list[Stroke]:
     """Make the line of the desired tip path over a whole film."""
+    # four times as many pieces as a trail has, chosen
     at = _thin_out(
         flight.desired_tip[:: -(-len(flight.desired_tip) // (4 * TRAIL_PIECES))]
     )

@@ -184,6 +184,7 @@ class AgentNodes:
         if not (mass > 0.0 and self._vehicle.end_effector):
             return []
         shape = payload_shape(self._vehicle, mass)
+        # row 0 is the base, and then come the links
         R = placed.rotations[1 + shape.body]
         return [
             Solid(
