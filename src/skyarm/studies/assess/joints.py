@@ -179,8 +179,8 @@ def arm_workspace(poses: ArmPoses) -> list[Finding]:
         return np.vstack([places, -places])
 
     ends, _ = poses.worst(both_ways)
-    # adding zero turns -0.0, which would show its sign, into 0.0
-    # to a nanometre, since rounding leaves some digits where zero is meant
+    # to a nanometre, since rounding leaves some digits where zero is meant; adding zero
+    # turns -0.0, which would show its sign, into 0.0
     low, high = (np.round(each, 9) + 0.0 for each in (ends[:3], -ends[3:]))
     box = ", ".join(
         f"{c} {a:.3g} ... {b:.3g}" for c, a, b in zip("xyz", low, high, strict=True)

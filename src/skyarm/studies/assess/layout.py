@@ -75,8 +75,7 @@ def disc_radius(vehicle: Vehicle) -> float:
     other are not compared.
     """
     least = float(_hub_distances(vehicle).min(initial=np.inf))
-    # a rotor by itself has no neighbour that bounds its disc
-    # 0.1 m for that one, chosen
+    # a rotor by itself has no neighbour that bounds its disc: 0.1 m, chosen
     return 0.5 * least if least < np.inf else 0.1
 
 
@@ -128,6 +127,7 @@ def rotor_layout(vehicle: Vehicle, gravity: float) -> list[Finding]:
             "rotors must give torque about x, y, z and thrust: check positions, axes,"
             " directions"
         )
+        # without the field that the message begins with
         text = str(error).partition(": ")[2]
         findings.append(Finding("rotors", FAULT, text, "rotors", remedy))
     findings.append(senses_of_rotation(vehicle, gravity))
@@ -225,6 +225,7 @@ def thrust_number(rotor: Rotor, radius: float) -> float:
     """Thrust coefficient C_T = thrust / (rho n^2 D^4) of a rotor, n in 1/s, for a given
     disc radius.
     """
+    # a coefficient by 1/s has the square of 2 pi more than one by rad/s
     turns = 4.0 * math.pi**2
     return float(rotor.thrust_coefficient) * turns / (AIR * (2.0 * radius) ** 4)
 
@@ -381,6 +382,7 @@ def links_like_rotors(vehicle: Vehicle) -> list[str]:
     # rotors are equal and stand around the base: their places nearly cancel
     masses = [float(each.body.mass) for each in ring]
     places = [complex(*(each.joint.position - vehicle.base.com)[:2]) for each in ring]
+    # 1 % of a mass and half of the distances are chosen
     surround = (
         len(ring) > 2
         and max(masses) < 1.01 * min(masses)

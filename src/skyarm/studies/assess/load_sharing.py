@@ -224,6 +224,7 @@ def _balance(
         _load(motion.of(each.agent), each, wrench)
         for each, wrench in zip(grasps, wrenches, strict=True)
     )
+    # equal but for rounding, a millionth of the weight
     determined = np.allclose(others[:, 2], wrenches[:, 2], rtol=0.0, atol=1e-6 * weight)
     return Balance(
         body,

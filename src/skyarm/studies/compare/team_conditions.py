@@ -131,6 +131,7 @@ class TeamCondition(Condition):
             entries["team"]["members"] = [
                 each | stated.get(each["agent"], {}) for each in members
             ]
+            # to a nanometre, as the place is written into a scenario file
             supposed = given.places[-1] - self.off * given.outward
             entries["team"]["members"][-1]["place"] = np.round(supposed, 9).tolist()
         if self.wind:

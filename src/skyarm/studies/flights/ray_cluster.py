@@ -151,6 +151,7 @@ class Ray:
         except self._ray.exceptions.RayTaskError as error:
             raise error.cause from None
         except self._ray.exceptions.RayError as error:
+            # one line, cut off behind 300 letters, chosen
             why = " ".join(str(error).split())[:300]
             raise OSError(
                 f"on = 'ray': a process or node ended unexpectedly, {MOST_TRIES + 1}"
@@ -339,6 +340,7 @@ def perform_on_node(must_be: dict[str, str], outfit: bytes, call: bytes) -> byte
         has = kin()
         wrong = [name for name, version in must_be.items() if has.get(name) != version]
         if wrong:
+            # twelve digits of a digest tell two apart
             here, there = (
                 ", ".join(f"{name} {each.get(name, 'none')[:12]}" for name in wrong)
                 for each in (has, must_be)

@@ -72,8 +72,8 @@ def stencil_points(base: Array, attitude: Quaternion) -> tuple[Array, Array]:
         attitude: the same as ``base[3:7]``.
     """
     count = len(base)
-    # a rotation has one direction less
-    # relative for large numbers, as rotor speeds, and absolute near 0
+    # a rotation has one direction less; steps are relative for large numbers, as rotor
+    # speeds, and absolute near 0
     widths = STEP_SIZE * np.maximum(1.0, np.abs(np.delete(base, 3)))
     turns = slice(3, 6)
     widths[turns] = STEP_SIZE

@@ -177,6 +177,7 @@ class Manifest:
             **{f'vary."{path}"': value for path, value in vary.items()},
             "vary": list(vary),
             **{
+                # twelve digits tell two digests apart
                 f"scenario of {label!r}": digest[:12]
                 for label, digest in self.scenarios.items()
             },

@@ -227,6 +227,7 @@ def _hover(vehicle: str) -> dict[str, Any]:
 
 
 def _height(truth: Vehicle) -> float:
+    # up to a whole decimetre
     return max(HEIGHT, math.ceil(10.0 * (float(reach(truth)) + CLEARANCE)) / 10.0)
 
 

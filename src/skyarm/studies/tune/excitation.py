@@ -161,6 +161,7 @@ def draw_motions(
     def uniform(column: int, low: float, high: float) -> Array:
         return low + (high - low) * share[:, column]
 
+    # the ranges of all draws are chosen
     rate, turn = uniform(0, 0.1, 0.25), uniform(1, 0.1, 0.22)
     # the radius at which a circle is flown at the drawn speed
     radius = uniform(2, *SPEED) / (2.0 * math.pi * rate)

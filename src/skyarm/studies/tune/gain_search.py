@@ -73,6 +73,7 @@ class Effort:
         given number of plants.
         """
         share = candidates / self.candidates
+        # at least eight points beside the line, and two rounds; both chosen
         scatter = max(LINE + 8, round(self.scatter * share))
         rounds = max(
             2, round((candidates - scatter) / (self.population * len(WEIGHTS)))
@@ -221,6 +222,7 @@ def scatter(
     """
     begin = np.zeros((1, len(knobs))) if starts is None else starts
     centres = begin[1:] if len(begin) > 1 else begin
+    # 0.6 of the box to both sides, chosen
     speeds = np.linspace(-0.6, 0.6, LINE) * BOX
     line = speeds[:, None] * np.array([exponent(knob) for knob in knobs]) * 0.5
     if len(begin) == 1:

@@ -375,6 +375,7 @@ def _same_shares(knob: GainKnob, numbers: tuple[float, ...]) -> bool:
     if not numbers:
         return False
     factors = np.array(numbers) / np.array(knob.values)
+    # one factor but for rounding
     return bool(np.allclose(factors, factors[0], rtol=1e-6))
 
 
