@@ -50,6 +50,7 @@ class EpisodeStarts:
         self._program, self._lanes, self._dtype = program, lanes, dtype
         self._start = program.trace_start()
         self.varies = bool(self._start.inputs)
+        # 1 to 64 episodes ahead, chosen
         self._depth = int(np.clip(AHEAD // lanes, 1, 64)) if self.varies else 1
         self._seeds = np.zeros(lanes, dtype=np.uint64)
         self._first = np.zeros(lanes, dtype=np.int64)

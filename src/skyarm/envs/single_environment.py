@@ -91,6 +91,7 @@ class Environment(gymnasium.Env[Array, Array]):
         key = None if seed is None else seed_of(seed)
         super().reset(seed=None if seed is None else int(seed))
         if key is None and not self._begun:
+            # a key has 32 bits
             key = int(self.np_random.integers(2**32))
         if key is None:
             self.lanes.begin(self._only)
