@@ -80,6 +80,7 @@ def main() -> None:
     if came:
         from skyarm.cli.lines import say_ended
 
+        # by the rule of a shell, 128 more than the number of the signal
         code = say_ended(WORDS[came[0].name], 128 + came[0])
     flights = sys.modules.get("skyarm.simulate.stored_programs")
     # after a command that went well the programs that are used again are worth
