@@ -250,6 +250,7 @@ def rows_of(path: Path) -> Iterator[Row]:
     """
     where, begun = f"controller.replayed = {shown(str(path))}", False
     try:
+        # a quarter of a MiB at a time, since messages are small
         with io.BufferedReader(gzip.open(path.expanduser(), "rb"), 1 << 18) as file:
             if file.read(len(MAGIC)) != MAGIC:
                 raise TranscriptError(

@@ -434,6 +434,7 @@ class ArduPilotLink(ProgramLink):
         vehicle, t = self._vehicle, now.time
         for message in vehicle.parser.feed(self._tape.receive("mavlink", self._stream)):
             self._hear(message)
+        # once a second, as set points go out at 50 Hz
         if self._steps % (50 * self._goal_every) == 0:
             vehicle.beat()
         if vehicle.origin is None:
@@ -457,6 +458,7 @@ class ArduPilotLink(ProgramLink):
         vehicle = self._vehicle
         if vehicle.place is None:
             self._next = t + REQUEST
+            # rates (Hz) are chosen
             vehicle.request_streams({"LOCAL_POSITION_NED": 50, "EKF_STATUS_REPORT": 10})
         elif self._leaves:
             if not self.released:

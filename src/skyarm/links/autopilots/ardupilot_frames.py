@@ -214,6 +214,7 @@ def rate_gains(vehicle: Vehicle) -> dict[str, float]:
         vehicle, torque_of_signal(vehicle), rate_bandwidths(vehicle)
     )
     for name, gain in zip(("RLL", "PIT", "YAW"), gains, strict=True):
+        # I / P and D / P of ArduPilot's defaults
         integral, slope = (1.0, 0.0267) if name != "YAW" else (0.1, 0.0)
         parameters |= {
             f"ATC_RAT_{name}_P": gain,

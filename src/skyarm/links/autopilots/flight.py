@@ -395,6 +395,7 @@ class PilotedSession(Session):
         if self._goals is None:
             return goal_of(self.reference)
         row = self._goals[self.tick].tolist()
+        # in the order of goal_columns
         return BaseGoal(row[0:3], row[3:6], row[6:9], row[9])
 
     def _take_off(self, progress: Callable[[float, float], object] | None) -> bool:

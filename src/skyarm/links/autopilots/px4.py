@@ -180,6 +180,7 @@ class PX4Link(ProgramLink):
         vehicle = scenario.agent.vehicle
         self._rotors, self._signals = len(vehicle.rotors), (0.0,) * len(vehicle.rotors)
         self._rate = scenario.rates.control
+        # set points go out at 50 Hz
         self._goal_every = max(1, self._rate // 50)
         self._stand = float(first_state(scenario).position.z) - record.climb
         self._sensors = SensorMessages()
@@ -280,6 +281,7 @@ class PX4Link(ProgramLink):
     def _send(self, name: str, **fields: float) -> None:
         """Send a MAVLink message over the simulator's TCP stream."""
         try:
+            # component 200 is an inertial unit in MAVLink
             frame = mavlink.pack(
                 name, sequence=self._sequence, system=1, component=200, **fields
             )
@@ -394,6 +396,7 @@ class PX4Link(ProgramLink):
         data, vehicle = self._tape.receive("onboard", self._datagrams), self._vehicle
         for message in vehicle.parser.feed(data) if data else ():
             self._hear(message)
+        # five times a second, chosen
         if vehicle.system and self._steps % (10 * self._goal_every) == 0:
             vehicle.beat()
         if not (vehicle.system and vehicle.has_parameters(t, REPLIES)):

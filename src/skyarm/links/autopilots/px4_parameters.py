@@ -138,6 +138,7 @@ def outer_gains(vehicle: Vehicle) -> dict[str, float]:
     the rate loop.
     """
     attitude = min(ATTITUDE_P, rate_bandwidth(vehicle) / ATTITUDE_RATIO)
+    # each loop has half of the bandwidth of the one within it
     velocity = 0.5 * attitude * (1.0 + VELOCITY_D) ** 2
     return {
         "MC_ROLL_P": attitude,
@@ -213,6 +214,7 @@ def sensor_parameters(scenario: Scenario) -> dict[str, float]:
         "EKF2_GPS_DELAY": 1e3 * float(gnss.latency),
         "EKF2_MAG_DELAY": 1e3 * float(magnetometer.latency),
         "EKF2_BARO_DELAY": 1e3 * float(barometer.latency),
+        # PX4 takes no noise below 0.01
         "EKF2_GPS_P_NOISE": max(float(gnss.position.sigma), 0.01),
         "EKF2_GPS_V_NOISE": max(float(gnss.velocity.sigma), 0.01),
         "EKF2_DECL_TYPE": 0,

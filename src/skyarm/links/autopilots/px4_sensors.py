@@ -167,6 +167,7 @@ class SensorMessages:
             "xacc": fx,
             "yacc": fy,
             "zacc": fz,
+            # degrees Celsius, chosen
             "temperature": 20.0,
         }
         read, *field = readings["magnetometer"]

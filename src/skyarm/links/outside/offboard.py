@@ -388,6 +388,7 @@ class OffboardFlight:
 
         def has_state() -> bool:
             nonlocal asked
+            # once a second, as a request may be lost; 100 to 250 Hz are chosen
             if time.monotonic() - asked > 1.0:
                 asked = time.monotonic()
                 link.request_estimates(min(max(self._rate, 100), 250))

@@ -123,6 +123,7 @@ def _open_socket(
             return made, None
         except OSError as error:
             if error.errno == errno.EADDRINUSE and time.monotonic() < until:
+                # the port may be that of a flight that is about to end
                 time.sleep(0.2)
                 continue
             made.close()
