@@ -121,8 +121,7 @@ def predict_held_out(
     flights = distinct_flights(flights)
     seen = distinct_flights(seen) if seen else []
     step = clock_step([*flights, *seen], start)
-    # every horizon is then a whole number of steps
-    # 1e-9, so that rounding adds no step
+    # every horizon is then a whole number of steps; 1e-9, so that rounding adds none
     step = SHORTEST / math.ceil(SHORTEST / step - 1e-9)
     posed = [i for i, each in enumerate(flights) if not no_poses(each)]
     learnt = [each for each in seen if posed and not no_poses(each)]
@@ -185,6 +184,7 @@ def predict_held_out(
         begun = begins(ahead, 0.0, APART)
         windows = identified.windows(begun)
     names = tuple(each.name for each in flights)
+    # 1e-9 s is rounding
     if identified.left(windows.windows).max(initial=0) * step < min(horizons) - 1e-9:
         raise ValueError(
             f"{', '.join(names)}: no stretch is long enough for a prediction"

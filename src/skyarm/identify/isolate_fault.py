@@ -615,7 +615,8 @@ class Leavings:
         for (name, column), noise, white in rows:
             channel = flight[name]
             square = white**2
-            # no log tells whether a sample is a mean, or when within its period it is
+            # no log tells whether a sample is a mean, or when within its period it is:
+            # anywhere within it, the variance is a twelfth of the square of a step
             if name == "accelerometer":
                 change = 1.4826 * float(
                     np.median(np.abs(np.diff(channel.values[:, column])))

@@ -527,6 +527,7 @@ def _gaps(flight: FlightData, inside: FlightData) -> Iterator[Found]:
             )
     for name in every:
         rest = flight.end - float(flight[name].time[-1])
+        # a twentieth of a long flight, chosen
         if rest > max(EARLY, 0.05 * flight.duration):
             yield (
                 WARNED,

@@ -262,6 +262,7 @@ def _control_period(log: Log, vehicle: Vehicle) -> float:
             f"joints: the log has {joints}, vehicle '{vehicle.name}' {vehicle.n}"
         )
     steps = np.diff(log.time)
+    # a billionth is rounding
     if not len(steps) or log.time[-1] - log.time[0] < SHORTEST * (1.0 - 1e-9):
         span = log.time[-1] - log.time[0] if log.time.size else 0.0
         raise ValueError(

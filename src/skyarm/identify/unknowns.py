@@ -276,6 +276,7 @@ def _of_link(link: Link, moves: bool) -> list[Unknown]:
         angle, unit = joint.units
         weight = GRAVITY * float(body.mass) * (reach if joint.turns else 1.0)
         dry = DRY * weight
+        # rate at which a pendulum of this length swings
         swing = math.sqrt(9.81 / reach) if joint.turns else 1.0
         unknowns += [
             _loss(

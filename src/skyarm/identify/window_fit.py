@@ -111,6 +111,7 @@ def student_quantiles(influence: Array, information: Array) -> Array:
     sizes = np.einsum("kp,bpq,kq->kb", influence, information, influence)
     freedom = sizes.sum(axis=1) ** 2 / np.maximum((sizes**2).sum(axis=1), 1e-300)
     blocks = len(information)
+    # 0.975: of an interval of 95 % to both sides
     return student(np.maximum(freedom * (blocks - 1) / blocks, 1.0), 0.975)
 
 
