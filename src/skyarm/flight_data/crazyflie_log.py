@@ -84,6 +84,7 @@ def read_crazyflie(path: Path, columns: Columns | None) -> FlightData:
         notes.append(
             "file: its check sum does not fit, so that some of its numbers are damaged."
         )
+    # stamps of version 1 are in ms, later ones in us
     unit = 1e-3 if version == 1 else 1e-6
     origin = min((int(records["time"][0]) for records in rows.values()), default=0)
     tables: dict[str, RawTable] = {}

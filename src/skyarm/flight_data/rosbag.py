@@ -239,6 +239,7 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
                 f"{name}: there is {listed}; the fastest is taken unless a columns.toml"
                 " names another."
             )
+    # a hundred topics at most, chosen
     facts: dict[str, str | float] = {
         f"topic {topic}": kind for topic, kind in sorted(kinds.items())[:100]
     }

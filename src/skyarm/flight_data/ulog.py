@@ -324,6 +324,7 @@ def _motor_signals(table: RawTable, factor: float, count: int) -> tuple[str, Raw
         share = np.maximum(
             np.nan_to_num(columns.get(name, np.full(table.time.size, np.nan))), 0.0
         )
+        # the signal is the positive root of the equation above
         linear = 1.0 - factor
         columns[name] = (
             (np.sqrt(linear**2 + 4.0 * factor * share) - linear) / (2.0 * factor)

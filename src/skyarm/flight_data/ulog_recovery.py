@@ -184,6 +184,8 @@ class WholeMessages:
             )
         if letter == b"I":
             return TEXT.match(body) is not None
+        # flags that need not be understood, eight that must be, and three places in the
+        # file
         if letter == b"B" and len(body) >= 40:
             if body[8] & ~1 or any(body[9:16]):
                 raise ValueError(
