@@ -194,6 +194,7 @@ def joint_mobility(vehicle: Linkage) -> Array:
         try:
             return doubles(np.linalg.inv(masses)[:, 6:, 6:])
         except np.linalg.LinAlgError:
+            # a matrix that has no inverse shows as NaN, as one that is not finite does
             return np.full((6, vehicle.n, vehicle.n), np.nan)
 
 
