@@ -397,6 +397,7 @@ class Leg:
         scheduled changes.
         """
         named = dict(zip((*self._options.paths, *self._set), values, strict=True))
+        # the first values are those of the paths
         own = {
             path: value
             for path, value in zip(self._options.paths, values, strict=False)
