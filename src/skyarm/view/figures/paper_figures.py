@@ -334,6 +334,7 @@ def _draw(
     for ax, panel in zip(axes, spec.panels, strict=True):
         shown, largest = drawn[panel.scale or panel.label], LARGEST_VALUE[panel.unit]
         ax.set_ylim(*limits(shown, floor=panel.magnitude, span=panel.span, cap=largest))
+    # logs without an instant have an axis of 1 s
     axes[-1].set_xlim(0.0, max(map(end_time, logs.values())) or 1.0)
     STYLE.legend(figure, handles)
     return figure

@@ -266,6 +266,8 @@ class Sheet:
     def angle(self, centre: Array, start: Array, axis: Array, angle: float) -> None:
         """Draw an angle as an arc with an arrowhead and its value in degrees."""
         bow = arc(centre, axis, start, angle)
+        # the line reaches a quarter beyond the arc; its length and the widths are
+        # chosen
         self.line(np.array([centre, centre + 1.25 * start]))
         self.arrow(bow, AXIS_COLORS[2], 0.08)
         self.label(

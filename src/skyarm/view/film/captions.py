@@ -140,6 +140,7 @@ class Captions:
             at = round(
                 layout.plot.left + strip.left + share * (strip.right - strip.left)
             )
+            # a line of two pixels at 720 lines, chosen
             half = max(1, round(layout.scale))
             picture[
                 top + strip.top : top + strip.bottom, max(at - half, 0) : at + half

@@ -149,6 +149,7 @@ def _display(egl: ctypes.CDLL) -> tuple[int, int]:
             display, attributes, config, 1, ctypes.byref(count)
         )
         if chosen and count.value and egl.eglBindAPI(OPENGL_API):
+            # ctypes has None for a null pointer
             return display, config[0] or 0
     raise NoDisplayError(f"EGL: finds no device that draws with OpenGL; {NEEDS}")
 

@@ -130,6 +130,7 @@ class Fleet(Clock):
         plain = load_scenario(source)
         self.source = source
         self.planned, self._duration = True, plain.duration
+        # a scenario that cannot last longer ends where its file says
         with suppress(ValueError):
             longest = max(plain.duration, LONGEST)
             longer = load_scenario(source, duration=longest)
