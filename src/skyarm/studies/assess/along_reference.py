@@ -219,6 +219,7 @@ def _speed_steps(scenario: Scenario) -> list[Finding]:
     times = np.array(
         [start, *(t for t in _jump_times(scenario) if start < t < scenario.duration)]
     )
+    # nothing is planned before the start
     before, after = (
         stack_values(
             len(times), reference_at(scenario, np.maximum(times + side, 0.0)).velocity

@@ -157,6 +157,7 @@ def _cells(values: Array) -> IntArray:
         return place
     cells = int(np.clip(values.size / PER_CELL, FEWEST_CELLS, MOST_CELLS))
     rank = np.empty(values.size, dtype=np.int64)
+    # of equal values in the order of the episodes, so that a curve repeats
     rank[np.argsort(values, kind="stable")] = np.arange(values.size)
     return rank * cells // values.size
 

@@ -285,6 +285,7 @@ class CandidateFlights:
             # geometric mean of the windows, in which their ratios count alike
             error=penalize(product ** (1.0 / len(parts)), lost),
             tip=penalize(parts[0].get("ee", base), lost),
+            # what is missing counts as much as a lost flight
             base=penalize(base, lost),
             pull=np.zeros(lost.shape),
             jitter=np.nan_to_num(table("rotor_jitter"), nan=LOST, posinf=LOST),

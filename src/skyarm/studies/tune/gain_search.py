@@ -189,6 +189,7 @@ def with_margins(
 
 def _leaders(cost: Array, which: slice, count: int) -> list[int]:
     first = which.start or 0
+    # of equal costs the earlier one leads
     return [first + int(k) for k in np.argsort(cost[which], kind="stable")[:count]]
 
 

@@ -567,6 +567,7 @@ def _tune(plan: TuningPlan, runner: WorkRunner, progress: Progress) -> Tuning:
     points = tuner.check(asked[last], drawn.part(last))
     required = subject.required(plan.flight)
     front, picked = front_of(points[:count], points[count:], required)
+    # the starts are the first points
     starting = dict(zip(start.starts, points, strict=False))
     aside = tuner.fly_aside({**starting, PICKED: front[picked]})
     return Tuning(
