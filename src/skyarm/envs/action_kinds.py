@@ -301,6 +301,7 @@ class Residual(Actions):
         actuators' limits.
         """
         following, own = now.law(now.memory, now.measurement, now.reference)
+        # rotors come first in an action, and then joints
         pairs = zip(own.rotor_speeds, _hover(now.model), action, strict=False)
         speeds = tuple(w + self.span * hover * a for w, hover, a in pairs)
         rows = zip(own.efforts, self.spans(action, now), strict=True)
