@@ -362,6 +362,7 @@ def save_logs(
             try:
                 written.append(save_log(log, file))
             except Exception as error:
+                # the other files are written all the same
                 errors.append(error)
         if errors:
             # raised after all files were tried, so that one full disk loses no other
