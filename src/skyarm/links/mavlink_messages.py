@@ -175,6 +175,7 @@ def _definition(name: str, number: int, text: str) -> Definition:
         # CRC_EXTRA of MAVLink: both bytes of the digest in one
         check=bytes([(digest & 0xFF) ^ (digest >> 8)]),
         defaults=MappingProxyType({field.name: field.default for field in fields}),
+        # from the last on, as an array that is spread out moves all values behind it
         arrays=tuple(
             (k, each)
             for k, each in enumerate(fields)
