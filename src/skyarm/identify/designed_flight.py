@@ -248,6 +248,7 @@ def broken_axes(log: Log, vehicle: Vehicle, axes: Axes, limits: DesignLimits) ->
 def _tilt(log: Log) -> Array:
     """Angle (N,) of the base's upright axis against the vertical, rad."""
     x, y = log.quaternion[:, 1], log.quaternion[:, 2]
+    # rounding may leave a cosine beyond 1
     return np.arccos(np.clip(1.0 - 2.0 * (x**2 + y**2), -1.0, 1.0))
 
 

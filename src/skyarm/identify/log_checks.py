@@ -391,6 +391,7 @@ def _ground(
         if spans
         else speeds.values
     )
+    # rotors that stand tell nothing of the weight
     rows = rows[np.median(np.abs(rows), axis=1) > 0.0]
     share = float(np.median(lift(start, rows))) / weight if len(rows) else 0.0
     # pieces of half a second, chosen: in each of them the spread of the rates is taken

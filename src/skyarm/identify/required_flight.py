@@ -73,6 +73,7 @@ class RequiredFlight:
     @property
     def tilt(self) -> Array:
         """Angle of thrust against the vertical (N + 1,), rad."""
+        # rounding may leave a cosine beyond 1
         return np.arccos(np.clip(self.turned[:, 2, 2], -1.0, 1.0))
 
     def flight_data(self, vehicle: Vehicle, like: FlightData) -> FlightData:

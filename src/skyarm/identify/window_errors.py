@@ -483,6 +483,7 @@ class WindowErrors:
         """
         time, last = self.times(), np.full(there.shape, -np.inf)
         last[1:] = np.maximum.accumulate(np.where(there, time, -np.inf), axis=0)[:-1]
+        # a memory of 0 keeps nothing: the exponential of minus infinity
         with np.errstate(divide="ignore", invalid="ignore"):
             shares = np.exp((last - time) / memory[self.windows.owners])
         return np.where(np.isfinite(last) & there, np.nan_to_num(shares), 0.0)
