@@ -455,6 +455,7 @@ class _Pair:
         edges = when + self.width * (
             np.arange(self.order + 1)[:, None] - 0.5 * self.order
         )
+        # the last integral gives the mean, and the one before it the slope
         tables = self.integrals[:-3:-1]
         values = [
             np.stack([columns_at(each, self.reference, table) for each in edges])

@@ -43,6 +43,7 @@ def read_motive(path: Path, columns: Columns | None) -> FlightData:
             "head: must have a line that begins with Frame; export it anew"
         )
     first, *labels, groups, axes = csv.reader(lines[: begin + 1])
+    # names and values by turns; a last name may have no value
     stated = dict(zip(first[::2], first[1::2], strict=False))
     scale = LENGTHS.get(stated.get("Length Units", ""))
     if scale is None or stated.get("Rotation Type") != "Quaternion":
