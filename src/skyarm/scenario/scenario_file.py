@@ -416,6 +416,7 @@ def _by_its_path(
         numbers: numbers by path.
         words: message of the error in all of them.
     """
+    # a message that begins with a path names it already
     for path, value in numbers.items() if not words.startswith("path = ") else ():
         try:
             with_numbers(scenario, {path: value})
