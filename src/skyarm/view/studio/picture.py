@@ -121,6 +121,7 @@ class AgentNodes:
         colors = [THRUST] * len(vehicle.rotors) + [WIND, PUSHED]
         at = np.tile(placed.positions[0], (2, 1))
         self._forces = Arrows(scene, f"{STAGE}/arrows{end}", colors, SHAFT, at)
+        # a trail begins as a line without length at the tip
         still = np.tile(placed.tip, (1, 2, 1)).astype(np.float32)
         self._trail = scene.add_line_segments(
             f"{STAGE}/trail{end}", still, COLORS[number], thickness=0.004
