@@ -280,6 +280,7 @@ def _knock(address: str, on: str) -> None:
             f"{on}: what answers there is no head of a Ray cluster"
         ) from None
     if tried.returncode != 0:
+        # 1 is an error that KNOCK tells; by any other code Ray itself ended the process
         why = (
             tried.stderr.strip().rpartition("\n")[2]
             if tried.returncode == 1
