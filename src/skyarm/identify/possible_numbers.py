@@ -302,6 +302,7 @@ def _beyond_commands(
     """Yield a warning if the thrust at full signal is extrapolated beyond the flown
     commands.
     """
+    # the thrust curve is one for all rotors, and so is its full speed
     full = float(start.rotors[0].max_speed)
     if not any(each.name == FULL and each.is_known for each in identified.numbers):
         return
