@@ -136,6 +136,7 @@ class Quaternion(ArrayLike):
     def rotation(self) -> Mat3:
         """Rotation matrix R_WB of a unit quaternion."""
         w, x, y, z = self
+        # doubled once for all entries, and exactly: each is a sum of products times 2
         x2, y2, z2 = x + x, y + y, z + z
         wx, wy, wz = w * x2, w * y2, w * z2
         xx, xy, xz, yy, yz, zz = x * x2, x * y2, x * z2, y * y2, y * z2, z * z2
