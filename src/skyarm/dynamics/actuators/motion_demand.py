@@ -86,6 +86,7 @@ class ActuatorDemand:
         for i, servo in servos:
             ends = map(doubles, servo.bounds(self.rates[i]))
             low, high = (np.broadcast_to(end, self.time.shape) for end in ends)
+            # at its speed limit a servo gives nothing: a demand over that is infinite
             most = np.where(self.efforts[i] < 0.0, -low, high)
             limits[i] = np.minimum(limits[i], np.maximum(most, LEFT * limits[i]))
         return limits
