@@ -249,6 +249,7 @@ def _product(a: int, b: Array) -> tuple[Array, Array]:
 def _philox(counter: Words, key: tuple[Array, Array]) -> Words:
     c0, c1, c2, c3 = counter
     k0, k1 = key
+    # words of 32 bits wrap around by themselves: no mask
     for index in range(ROUNDS):
         if index:
             k0, k1 = (
@@ -266,6 +267,7 @@ def _philox(counter: Words, key: tuple[Array, Array]) -> Words:
 def _unit64(low: Array, high: Array) -> Array:
     """Map a 64-bit integer x to (2 (x >> 12) + 1) 2**-53, a double in (0, 1)."""
     wide = [lax.convert_element_type(word, np.uint64) for word in (low, high)]
+    # bits of a number in [1, 2): no conversion, which would round 64 bits
     top = (wide[1] << np.uint64(20)) | (wide[0] >> np.uint64(12))
     one_to_two = lax.bitcast_convert_type(
         top | np.uint64(0x3FF0000000000000), np.float64
@@ -274,8 +276,8 @@ def _unit64(low: Array, high: Array) -> Array:
 
 
 def _unit32(low: Array, high: Array) -> Array:
-    """Map two 32-bit words to a single-precision number in (0, 1), without 64-bit
-    integers.
+    """Map two 32-bit words to a single-precision number in (0, 1], without 64-bit
+    integers; the highest words round to 1.
     """
     upper, lower = (lax.convert_element_type(word, np.float32) for word in (high, low))
     return (upper + lower * np.float32(2.0**-32)) * np.float32(2.0**-32) + np.float32(

@@ -97,6 +97,7 @@ class LaneStepper:
         last = self._blocks * self._kernel.lanes.width
         if lanes == last:
             return
+        # a copy takes no more rounds of any loop than the lane that it copies
         for array in (self._carry, self._parameters):
             array[:, lanes:last] = array[:, lanes - 1 : lanes]
 
@@ -224,6 +225,7 @@ class Stepper:
             for table in (rows, log)
         ):
             raise ValueError("tables: must be contiguous and of the kernel's numbers")
+        # the machine code has bare addresses: "needs" keeps the arrays alive
         self.step.__dict__["needs"][2:] = rows, log
         self._arguments[2:4] = rows.ctypes.data, log.ctypes.data
 
