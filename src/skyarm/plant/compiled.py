@@ -171,6 +171,7 @@ def hold(
             count.rounds,
         )
 
+    # a loop states its most rounds: what hits and stops may ever ask for
     most = max(count.near * count.most, MOST_STEPS if count.stops else 0)
     now = repeat_while(most, where(far, 0.0, finer), step, now)
     if far is False:
@@ -318,6 +319,7 @@ class RigidBodyPlant:
         return fewest if max(fewest, divisions(seconds, float(largest))) < near else 0
 
     def _count(self, seconds: float, largest: float | None) -> int:
+        # Euler's step is stated; the others divide a period as often as something needs
         if self._integrator != "euler":
             return max(
                 1,
@@ -334,6 +336,7 @@ class RigidBodyPlant:
         """Vehicle state, then contact states, after ``seconds`` with a constant
         command.
         """
+        # the number of steps depends on the time: one program for each
         if seconds not in self._programs:
 
             def interval(

@@ -134,6 +134,7 @@ def _configurations(joints: tuple[Joint, ...]) -> Array:
 def _blame(joint: Joint, rate: float) -> str:
     """Error message about a joint with too stiff friction: joint, field and remedy."""
     field, remedy = "damping", "lower damping, or state the armature"
+    # the larger of both slopes is the one to lower
     if _steepest(joint) > joint.damping:
         field = "coulomb"
         remedy = "raise coulomb_rate or lower coulomb, or state the armature"
@@ -162,6 +163,7 @@ def joint_rate(vehicle: Vehicle) -> float:
         VehicleError: friction or stops so stiff that no explicit integrator can afford
             them; names joint and field.
     """
+    # one number for both: a stop's frequency as the decay rate of the same step
     return max(
         friction_rate(vehicle), stop_frequency(vehicle) * (FRICTION_STEP / STOP_STEP)
     )

@@ -220,6 +220,7 @@ class Welds:
         numbers = list[float]()
         generalized = np.zeros(self._model.nv)
         for i, (site, body) in enumerate(zip(self._sites, self._bodies, strict=True)):
+            # of one constraint alone: on a free body J^T f is its force and torque
             mujoco.mj_mulJacTVec(
                 model,
                 data,
@@ -228,6 +229,7 @@ class Welds:
             )
             force, torque = generalized[model.body_dofadr[body] :][:6].reshape(2, 3)
             lever = data.site_xpos[site] - data.xpos[body]
+            # MuJoCo gives the torque about the body's origin in the body's axes
             numbers += [
                 *(data.xmat[body].reshape(3, 3) @ torque - np.cross(lever, force)),
                 *force,
