@@ -135,6 +135,7 @@ class HangingPayload(TimedPayload):
         require_frame(vehicle, self.frame)
         if not concrete(self.cord, self.stretch, gravity):
             return
+        # stretched by m g / k = stretch L, the cord swings with sqrt(g / (stretch L))
         least = gravity * (period / FASTEST) ** 2 / self.cord
         if self.stretch < least:
             raise ValueError(
@@ -233,6 +234,7 @@ class HangingPayload(TimedPayload):
         dynamics (impulses of a time step).
         """
         to_tip = now.holder - now.position
+        # at the frame itself the cord has no direction: zero, not NaN
         length = sqrt(to_tip.dot(to_tip) + 1e-24)
         along = to_tip * (1.0 / length)
         # k / m, by which the weight stretches the cord as stated

@@ -287,6 +287,7 @@ class MovingAir(GustyWind[Turbulence], Air[Turbulence]):
         """
         values = cls.gusts_from(fields)
         table = fields.table.get("turbulence")
+        # a table with an intensity is that of the record itself
         if isinstance(table, dict) and (
             "intensity" not in table or "altitude" in table
         ):

@@ -178,6 +178,7 @@ class Clearances:
                 rows.append(surface_distance(outside[pair.volume], pair.surface, time))
             else:
                 row = pair_distance(own[pair.volume], own[pair.other])
+                # pairs that touch at rest never count: in a batch each lane decides
                 rows.append(
                     row
                     if concrete(pair.rest)
@@ -234,6 +235,7 @@ def volumes(vehicle: Vehicle) -> list[Volume]:
     made = [Volume("hull", BASE, (ZERO3,), flat * reach, (wide - flat) * reach, E_Z)]
     for rotor in vehicle.rotors:
         hub = rotor.position
+        # as thick as they are drawn
         rim = 0.01 * reach
         made.append(Volume(f"boom/{rotor.name}", BASE, (ZERO3, hub), 0.03 * reach))
         made.append(
@@ -405,6 +407,7 @@ def _outside_box(p: Vec3, half: Sequence[Scalar]) -> Vec3:
 
 def _from_box(half: tuple[Scalar, ...], start: Vec3, way: Vec3) -> Scalar:
     """Signed distance (m) of a segment from a box in its middle."""
+    # from values alone: where the nearest point lies changes nothing to first order
     record = _values(start), _values(way), half
     free, share, normal, inside = compiled_once(
         "nearest to box", _nearest_to_box, record
