@@ -310,6 +310,7 @@ def _solve_banded(A: list[list[Number]], b: list[Number], band: int) -> list[Num
     rounding on every machine.
     """
     n = len(b)
+    # L[i][d] is row i and column i - d: the band alone is stored
     L: list[list[Number]] = [[0.0] * (band + 1) for _ in range(n)]
     D: list[Number] = [0.0] * n
     for i in range(n):

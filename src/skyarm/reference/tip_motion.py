@@ -148,6 +148,7 @@ def rotation_row(turns: Iterable[tuple[Scalar, Scalar]], axis: int) -> Vec3:
     """Row of the rotation R_z(yaw) R_y(pitch) R_x(roll), from cosine and sine of roll,
     pitch and yaw.
     """
+    # one row: the caller needs one coordinate
     (cr, sr), (cp, sp), (cy, sy) = turns
     if axis == 0:
         return Vec3(cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr)

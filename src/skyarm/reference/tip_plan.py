@@ -100,12 +100,14 @@ def follow(
     """
     count = len(positions if positions is not None else orientations or ())
     rows: list[list[float]] = []
+    # the posture may be beyond a limit by the margin that plans keep
     q = [
         min(max(p, low), high)
         for p, low, high in zip(task.posture, task.lower, task.upper, strict=True)
     ]
     for k in range(count):
         low, high = list(task.lower), list(task.upper)
+        # from the second instant on joints also keep to their largest rates
         if k:
             low = [
                 max(a, x - r * step) for a, x, r in zip(low, q, task.rates, strict=True)
@@ -210,6 +212,7 @@ def _step(
     held fixed.
     """
     free = [i for i in task.carriers if i not in still]
+    # the posture's weight is part of the sum; damping acts on the step alone
     own = task.ease * task.ease
     J = [[row[i] for i in free] for row in rows]
     A = [
@@ -386,6 +389,7 @@ def _held_within(
     """
     clipped: list[float] = []
     for point in points:
+        # the rate last: between two points within the limits there is no other
         within = min(max(point, low), high)
         clipped.append(
             min(max(within, clipped[-1] - most), clipped[-1] + most)

@@ -244,8 +244,10 @@ class Trajectory:
         tip: Scalars = ()
         if self.tip is not None:
             carried = self.tip.base(t, heading, q)
+            # a motion of the base is added to what the tip's motion takes
             base = tuple(own + more for own, more in zip(carried, base, strict=True))
             tip = tuple(self.tip.path(t)[0])
+        # a plan states where the tip will be, with the base's tilt
         if self.planned is not None:
             tip = tuple(signal.derivatives(t)[0] for signal in self.planned.tip)
         moving: dict[str, Any] = dict(
