@@ -94,6 +94,7 @@ class JointMotion:
         first measurement.
         """
         fast, slow = double_pole(OBSERVING, dt)
+        # before the first measurement there is no prediction to compare with
         error = where(started, rate - self.rate, 0.0)
         share = low_pass_share(FOLLOWING, dt)
         return JointMotion(
@@ -339,6 +340,7 @@ def _with_layers_refitted(
     inside = _with_layers_refitted(
         law_inside(controller), [("par", *p[1:]) for p in places if p[0] == "inner"]
     )
+    # layers share model and mixer, which stand with the outermost
     par = replace(par, inner=replace(inside.par, model=None, mixer=None))
     return replace(
         controller,

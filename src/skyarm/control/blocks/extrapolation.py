@@ -119,6 +119,7 @@ def _after(
     jumped = _is_jump(
         (channel.rate, channel.acceleration), (rate, acceleration), period
     )
+    # jerk and snap take two samples before: more need not be counted
     count = where(
         logical_or(jumped, started < 0.5), 0.0, minimum(channel.count + 1.0, 2.0)
     )

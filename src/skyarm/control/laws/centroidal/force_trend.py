@@ -89,6 +89,7 @@ class TrendGains(OptionalPart):
         """
         chain = (ZERO3_DATA,) * STAGES
         # large at first, so that a few chance agreements do not make a slope
+        # (a quarter of the square of the steepest rate: a choice)
         size = 0.25 * self.steep * self.steep
         return ForceTrend(
             level=ZERO3_DATA,

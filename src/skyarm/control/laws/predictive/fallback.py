@@ -103,6 +103,7 @@ def worst_cost(weights: Weights, mode: str, joints: int, horizon: float) -> floa
     errors += [float(weights.joints) * WORST["joints"]] * joints
     if mode != "joints":
         errors.append(float(weights.tool) * WORST["tool"])
+    # stages count by their time, the last one by its weight
     return (
         TIMES
         * (horizon + float(weights.final))
