@@ -634,6 +634,7 @@ def retraction(x: Sequence[Scalar], d: Sequence[Scalar]) -> list[Scalar]:
 
 def gap(end: Sequence[Scalar], following: Sequence[Scalar]) -> list[Scalar]:
     """Tangent from a state to the end of the stage before it."""
+    # twice the vector part is the rotation vector to first order
     turn = Quaternion(*following[3:7]).conjugate() * Quaternion(*end[3:7])
     straight = [
         a - b
@@ -762,6 +763,7 @@ class CompiledStage:
         if step is None:
             step = np.zeros((len(x), self.nt)), np.zeros(u.shape)
         dx, du = step
+        # the last node has no input
         last = np.zeros((1, self.nu))
         rows = [
             x,
