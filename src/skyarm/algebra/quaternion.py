@@ -60,6 +60,7 @@ class Quaternion(ArrayLike):
         10 rad a step.
         """
         square = rate.dot(rate)
+        # square of a quarter of the angle
         z = square * (seconds * seconds * 0.0625)
         # of the quarter, times the length of half the vector's factor
         sine = SINC[-1] * (0.5 * seconds)
