@@ -118,6 +118,7 @@ def hold(
             # the friction of this flight; a hit below needs as many times more steps as
             # it does in a flight alone
             step_rate = VERLET_FRICTION_STEP if count.verlet else FRICTION_STEP
+            # less 1e-9: a quotient that is whole up to rounding takes no step more
             usual = clip(
                 -floor(1e-9 - seconds * rate / step_rate), float(count.slack), steps
             )

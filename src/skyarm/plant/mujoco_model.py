@@ -256,6 +256,7 @@ def add_geom(
     spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Shape, **words: Any
 ) -> mujoco.MjsGeom:
     """Add a shape to a body, without mass, and without contacts that MuJoCo chooses."""
+    # MuJoCo takes three sizes of every kind
     geom = body.add_geom(
         type=KINDS[shape.kind],
         size=[*half_lengths(shape), 0.0, 0.0][:3],

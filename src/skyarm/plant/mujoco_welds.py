@@ -78,6 +78,7 @@ def object_forces(around: Together, motions: Sequence[PointMotion]) -> list[Scal
             contact.meetings(memory, motions[0]),
             around.each[0].time,
         )
+        # the objects come first among the movable bodies
         for each, body, (force, torque) in zip(
             contact.objects, memory.carried, loads, strict=False
         ):
