@@ -52,7 +52,7 @@ parallel."""
 
 ROUNDS = 5
 """Secant and bisection steps to the nearest point of a cylinder, between the points
-where its faces change."""
+where its faces change: within 0.2 mm for segments of about a metre (1500 drawn)."""
 
 
 STEPS = 12
@@ -254,6 +254,7 @@ def volumes(vehicle: Vehicle) -> list[Volume]:
         ]
     for body, name in enumerate(names, BASE):
         made += [
+            # as thick as they are drawn
             Volume(f"{name}/{to}", body, (ZERO3, end), 0.04 * reach)
             for to, end in rod_ends(vehicle, body)
         ]
@@ -394,6 +395,7 @@ def _least(
 
 def _crossings(start: Scalar, way: Scalar, half: Scalar) -> list[Scalar]:
     """Shares of a length at which a coordinate is at either end of -half ... half."""
+    # parallel to a face it is far off; clipped, it is an end of the length
     inverse = divide(1.0, where(absolute(way) > 1e-12, way, 1e-12))
     return [(half - start) * inverse, (-half - start) * inverse]
 
@@ -571,6 +573,7 @@ def _nearest_to_cylinder(record: tuple[Vec3, Vec3, Vec3, Scalar, Scalar]) -> Sca
         return where(maximum(side, end) > 0.0, rise, inward)
 
     root = sqrt(maximum(b * b - a * (c - radius * radius), 0.0) + _TINY)
+    # a ring without height has one crossing with its plane, not two
     breaks = [
         *_crossings(along, climb, half)[absent(half) :],
         *(divide(each - b, a + _TINY) for each in (root, -root)),

@@ -276,6 +276,7 @@ def _program(vehicle: Vehicle) -> Program:
         rows = [(*chain.from_iterable(R.rows), *p) for R, p in bodies]
         return (*chain.from_iterable(rows), *tip)
 
+    # any numbers: of the examples a trace keeps the kinds alone
     return trace(
         poses, Vec3(0.1, 0.2, 0.3), Quaternion(0.9, 0.1, 0.2, 0.3), (0.1,) * vehicle.n
     )

@@ -650,6 +650,7 @@ class ObjectWrench(Sharing):
         """
         since = own.since + dt
         interval = self._interval
+        # the time since is a sum of periods, which rounds
         now = (
             1.0
             if absent(self.rate)
