@@ -175,7 +175,7 @@ def interpolating_points(samples: Sequence[float]) -> list[float]:
 
 BEYOND = 14
 """Number of samples before the start and after the end of a curve, over which effects
-of its ends decay."""
+of its ends decay: by 0.43 a sample, the largest pole of the interpolation, to 8e-6."""
 
 
 def sampled_curve(samples: Sequence[float], step: float) -> Polynomials:

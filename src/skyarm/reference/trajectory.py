@@ -224,6 +224,7 @@ class Trajectory:
         motion's parameters.
         """
         names = field_paths(self) | {"base": motion_names(self.x, self.y, self.z)}
+        # base is the name of a table, not an attribute: it stays
         return {
             name: places
             for name, places in names.items()
@@ -307,6 +308,7 @@ class Trajectory:
                 f"trajectories of {len(self.joints)} and {len(other.joints)} joints do"
                 " not add"
             )
+        # one of both may have no joints
         joints = (
             tuple(a + b for a, b in zip(self.joints, other.joints, strict=False))
             or self.joints
