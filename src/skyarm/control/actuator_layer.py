@@ -60,10 +60,12 @@ class ActuatorParameters(LayerParameters):
 
 
 OBSERVING = 30.0
-"""Bandwidth (rad/s) of the observer of joint accelerations that the model lacks."""
+"""Bandwidth (rad/s) of the observer of joint accelerations that the model lacks.
+Without it a servo's damping takes 16 to 21 % of the force of a joint that presses."""
 
 FOLLOWING = 120.0
-"""Bandwidth (rad/s) of the filter from the measured to the observed joint position."""
+"""Bandwidth (rad/s) of the filter from the measured to the observed joint position,
+whose noise a stiff servo turns into torque."""
 
 
 @immutable

@@ -77,7 +77,7 @@ doors are slower, boxes faster."""
 
 PRESSED = 0.75
 """Threshold of the contact history flag above which the full contact force has been
-commanded."""
+commanded: amid its values of 0.5 for a touch and 1."""
 
 
 def interact(

@@ -35,7 +35,8 @@ law's own limits."""
 
 SETTLING = 40
 """Number of answers after which motor speeds have settled at the commands; a law that
-inverts their lag then commands its desired speeds."""
+inverts their lag then commands its desired speeds. With 400 the stiffness of every
+shipped law is the same to six digits."""
 
 PERIOD = 0.005
 """Control period (s) of the stiffness test; a law's stiffness hardly depends on it."""

@@ -75,6 +75,7 @@ STEEP = 0.75
 """Upper bound of the squared sine of a tilt, that of 60 degrees, chosen: the secant is
 2 there, and has no bound beyond."""
 
+# under a root, so that equal moments leave no 0 / 0
 TINY = 1e-9
 
 

@@ -208,6 +208,7 @@ downwards."""
 MEAN = 1.0
 """Bandwidth (rad/s) of the filter for the slow mean of the centre of mass."""
 
+# least divisor, of gains that are 0
 SMALL = 1e-9
 
 

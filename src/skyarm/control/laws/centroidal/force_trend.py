@@ -145,6 +145,7 @@ def update_trend(
     b = exp(-(gains.bandwidth * dt))
     ahead = memory.level + memory.rate * dt
     miss = force - ahead
+    # both poles of the filter at b: critically damped
     level = ahead + miss * (1.0 - b * b)
     rate = memory.rate + miss * divide((1.0 - b) * (1.0 - b), dt)
     share = 1.0 - exp(-divide(STAGES * dt, gains.horizon))

@@ -370,6 +370,7 @@ def nmpc(
 def _standing(x: Array, par: PredictiveParameters) -> MotionPlan:
     """Initial guess of a plan: the vehicle at rest."""
     vehicle, stages = par.model.vehicle, par.stages
+    # a state is position, quaternion, velocities (6), joints, their rates and rotors
     joints = tuple(x[13 : 13 + vehicle.n].tolist())
     inputs = [0.0] * len(vehicle.rotors) + [
         float(t) for t in level_joint_gravity(par.model, joints)

@@ -263,6 +263,7 @@ def goals(motion: Array, shift: Array) -> Array:
         shift: (T, 3) of the base, m.
     """
     values, rates, accelerations = motion
+    # a stage's goal has the heading, and no rates of it
     parts = (
         values[:, :3],
         rates[:, :3],
@@ -305,4 +306,5 @@ def make_stance(model: Model, mode: str) -> Callable[[Array, Array], Array]:
     if mode != "tool" or not vehicle.end_effector:
         return lambda _thrusts, values: np.zeros((len(values), 3))
     compiled = Compiled(partial(shift, vehicle), ZERO3_DATA, 0.0, vehicle.zeros)
+    # behind the place: heading and joints
     return lambda thrusts, values: compiled(thrusts, values[:, 3:])

@@ -65,6 +65,7 @@ class Compiled(Generic[Result]):
         flattened arguments at once.
         """
         rows = np.concatenate(parts, axis=-1)
+        # a carry of one number, and no parameters
         _, log = self.kernel.run(
             np.zeros((1, 1)), np.zeros((0, 1)), np.atleast_2d(rows)
         )
