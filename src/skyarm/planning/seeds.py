@@ -154,8 +154,8 @@ def _search(
             # between both
             if other in done or room[place] + room[other] - length < 2.0 * ball:
                 continue
-            # where the ball just fits by 0.3, chosen
             # ways close to obstacles are longer
+            # where the ball just fits by 0.3, chosen
             cost = costs[place] + length * (1.0 + 0.3 * ball / max(room[other], 0.05))
             if cost < costs.get(other, math.inf):
                 costs[other], before[other] = cost, place

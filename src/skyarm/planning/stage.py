@@ -783,6 +783,7 @@ class CompiledStage:
         """Derivatives of the outputs by the tangents of state and inputs: (N + 1,
         outputs, nt + nu).
         """
+        # the last state has no input after it
         rows = np.hstack([x, np.vstack([u, np.zeros((1, self.nu))]), after(x), data])
         _, log = self._slopes.run(
             np.zeros((1, self.nt + self.nu)), self._directions, rows
