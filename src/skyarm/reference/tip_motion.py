@@ -265,6 +265,7 @@ def counted_error(away: Vec3, push: Sequence[Scalar], tip: Vec3) -> Vec3:
     """
     if not push:
         return away
+    # push: force, speed, normal (3); then grip; then pivot (3) and axis (3)
     force, _, *normal = push[:5]
     n, pressed = Vec3(*normal), force > 0.0
     if len(push) > 5:

@@ -81,6 +81,7 @@ def _thrust(controller: Controller, position: float, velocity: float) -> float:
     velocity errors.
     """
     model, memory = controller.par.model, controller.memory
+    # as it answers in flight, after a gentle start
     if hasattr(own := innermost(memory), "after_start"):
         memory = with_innermost(memory, own.after_start())
     vehicle, joints = model.vehicle, model.vehicle.zeros

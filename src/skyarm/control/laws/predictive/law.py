@@ -433,6 +433,7 @@ def make_predictive_controller(
     *,
     mode: str = "tool",
     weights: Weights = WEIGHTS,
+    # to 0.65 s the last of 14 stages lasts 0.17 s, stable to joint dampings of 17 1/s
     bandwidths: Bandwidths = BANDWIDTHS,
     stages: int = 14,
     horizon: float = 0.65,
@@ -466,6 +467,7 @@ def make_predictive_controller(
         name: checked_option(PredictiveParameters, name, value, model)
         for name, value in given.items()
     }
+    # at least one stage must grow to make up the horizon
     if options["every"] >= options["stages"]:
         raise ControllerError(
             f"controller.every = {every}: must be less than controller.stages ="
