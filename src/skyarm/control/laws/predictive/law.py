@@ -433,8 +433,8 @@ def make_predictive_controller(
     *,
     mode: str = "tool",
     weights: Weights = WEIGHTS,
-    # to 0.65 s the last of 14 stages lasts 0.17 s, stable to joint dampings of 17 1/s
     bandwidths: Bandwidths = BANDWIDTHS,
+    # to 0.65 s the last of 14 stages lasts 0.17 s, stable to joint dampings of 17 1/s
     stages: int = 14,
     horizon: float = 0.65,
     every: int = 2,
