@@ -454,6 +454,7 @@ def limits_for(controller: Controller, **given: Any) -> Limits:
     for i, (margin, link) in enumerate(
         zip(limits.joint_margin, vehicle.links, strict=True)
     ):
+        # references keep twice the margin from either end
         if not 4.0 * margin <= float(link.joint.upper) - float(link.joint.lower):
             raise ControllerError(
                 f"safety.joint_margin[{i}] = {margin!r}: must be at most a quarter of"

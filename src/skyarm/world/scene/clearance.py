@@ -296,6 +296,7 @@ def pair_distance(a: Volume, b: Volume) -> Scalar:
     way = a.points[-1] - a.points[0]
     other = b.points[-1] - b.points[0]
     middle = b.points[0]
+    # as values: where the nearest points lie changes nothing to first order
     start, along = _values(a.points[0] - middle), _values(way)
     if absent(b.disc):
         s, t = _nearest_shares(start, along, _values(other))

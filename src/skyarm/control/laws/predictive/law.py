@@ -544,6 +544,7 @@ def problem_at(
     distance = norm(error)
     if distance > LONGEST_ERROR:
         targets[:, :3] += error * (1.0 - LONGEST_ERROR / distance)
+    # a goal's row: position, velocity, heading, then joints from 7 on
     # the turn on the shorter side, as headings may be turns apart
     off = float(np.angle(np.exp(1j * (_heading(x) - targets[0, 6]))))
     targets[:, 6] += off - np.clip(off, -WIDEST_TURN, WIDEST_TURN)
