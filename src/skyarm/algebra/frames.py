@@ -55,6 +55,7 @@ def of_euler_angles(
     """Quaternion of Z-Y-X Euler angles (rad): yaw about z, then pitch about the new y,
     then roll about the new x.
     """
+    # a quaternion has sine and cosine of half the angle
     (cr, sr), (cp, sp), (cy, sy) = (
         (np.cos(0.5 * each), np.sin(0.5 * each)) for each in (roll, pitch, yaw)
     )

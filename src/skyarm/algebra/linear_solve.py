@@ -63,6 +63,7 @@ def _solve_group(A: list[list[Scalar]], b: list[Scalar]) -> list[Scalar]:
 def _solve_two(A: list[list[Scalar]], b: list[Scalar]) -> list[Scalar]:
     """Solve a linear system for its last two unknowns by their determinant."""
     p, q, r = A[-2][-2], A[-1][-2], A[-1][-1]
+    # by divide, not /: of a singular matrix inf or NaN, where floats would raise
     inverse = divide(1.0, sub(mul(p, r), mul(q, q)))
     return [
         mul(sub(mul(r, b[-2]), mul(q, b[-1])), inverse),

@@ -127,6 +127,7 @@ class Mat3(ArrayLike):
         i, j = _OTHERS[k]
         A, turn = [list(row) for row in self.rows], [tuple(row) for row in R.rows]
         c, s = turn[i][i], turn[j][i]
+        # entry kk stays: an axis is not turned by a rotation about itself
         A[i][i], A[j][j], A[i][j], A[j][i] = _turn(
             A[i][i], A[j][j], A[i][j], A[j][i], c, s
         )

@@ -60,6 +60,7 @@ class Quaternion(ArrayLike):
         10 rad a step.
         """
         square = rate.dot(rate)
+        # square of a quarter of the angle
         z = square * (seconds * seconds * 0.0625)
         # of the quarter, times the length of half the vector's factor
         sine = SINC[-1] * (0.5 * seconds)
@@ -136,6 +137,7 @@ class Quaternion(ArrayLike):
     def rotation(self) -> Mat3:
         """Rotation matrix R_WB of a unit quaternion."""
         w, x, y, z = self
+        # doubled once for all entries, and exactly: each is a sum of products times 2
         x2, y2, z2 = x + x, y + y, z + z
         wx, wy, wz = w * x2, w * y2, w * z2
         xx, xy, xz, yy, yz, zz = x * x2, x * y2, x * z2, y * y2, y * z2, z * z2

@@ -132,6 +132,7 @@ class Floats:
             value = to_single(value)
         if math.isnan(value):
             return f"({self.kind})NAN"
+        # the sign bit, since -0.0 < 0 is false
         minus = math.copysign(1.0, value) < 0.0
         size = abs(value)
         text = f"({self.kind})INFINITY" if math.isinf(size) else self._digits(size)
@@ -149,6 +150,7 @@ def helpers(program: Lowered, floats: Floats, prefix: str) -> str:
     program's statements call.
     """
     used = {node.op for node in program.nodes}
+    # beyond all exponents of a double (-1074 to 1023), as in floats.power_of_two
     numbers = {"zero": 0.0, "one": 1.0, "two": 2.0, "low": -1100.0, "high": 1100.0}
     spelled = {name: floats.literal(value) for name, value in numbers.items()}
     spelled |= {name: floats.function(name) for name in ("ldexp", "frexp")}
@@ -275,6 +277,7 @@ def fields(
         yield RecordField(path, note, _shape(record), tuple(walk(record)))
     elif isinstance(record, tuple) or is_record(record):
         said = others.get(path) or (units(type(record)) if is_record(record) else {})
+        # elements of a tuple have no units of their own: they keep its note
         for name, value in parts(record).items():
             own = note
             if not isinstance(record, tuple):
@@ -336,6 +339,7 @@ def make_struct(
     for field in fields(record, others):
         leaves = [(place, value) for place, value in field.entries if is_leaf(value)]
         included = [keep[len(places) + i] for i in range(len(leaves))]
+        # a vector stays one member only if all of it is included
         if len(leaves) == len(field.entries) and all(included):
             own = name(field.path)
             members.append(

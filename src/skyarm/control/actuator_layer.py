@@ -60,10 +60,12 @@ class ActuatorParameters(LayerParameters):
 
 
 OBSERVING = 30.0
-"""Bandwidth (rad/s) of the observer of joint accelerations that the model lacks."""
+"""Bandwidth (rad/s) of the observer of joint accelerations that the model lacks.
+Without it a servo's damping takes 16 to 21 % of the force of a joint that presses."""
 
 FOLLOWING = 120.0
-"""Bandwidth (rad/s) of the filter from the measured to the observed joint position."""
+"""Bandwidth (rad/s) of the filter from the measured to the observed joint position,
+whose noise a stiff servo turns into torque."""
 
 
 @immutable
@@ -94,6 +96,7 @@ class JointMotion:
         first measurement.
         """
         fast, slow = double_pole(OBSERVING, dt)
+        # before the first measurement there is no prediction to compare with
         error = where(started, rate - self.rate, 0.0)
         share = low_pass_share(FOLLOWING, dt)
         return JointMotion(
@@ -339,6 +342,7 @@ def _with_layers_refitted(
     inside = _with_layers_refitted(
         law_inside(controller), [("par", *p[1:]) for p in places if p[0] == "inner"]
     )
+    # layers share model and mixer, which stand with the outermost
     par = replace(par, inner=replace(inside.par, model=None, mixer=None))
     return replace(
         controller,

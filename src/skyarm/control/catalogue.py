@@ -74,6 +74,7 @@ def _options_of(maker: Callable[..., Controller]) -> tuple[str, ...]:
     parameters = parameters_of(maker).values()
     named = tuple(p.name for p in parameters if p.kind is p.KEYWORD_ONLY)
     more = any(p.kind is p.VAR_KEYWORD for p in parameters)
+    # of a maker that takes any keyword ENTRIES lists the names
     return (
         (*named, *getattr(sys.modules[maker.__module__], "ENTRIES", ()))
         if more

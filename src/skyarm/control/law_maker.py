@@ -26,8 +26,10 @@ from skyarm.records.leaves import Tree
 
 # over the mass (kg) and base inertia (kg m^2) of the vehicle that flies with these
 # gains in the paper: another vehicle then gets the same accelerations per error
+# of the Hummingbird, over the mass (kg) that it has with the paper's arm
 RATIO_POSITION, RATIO_VELOCITY = 4.0 / 0.806, 2.2 / 0.806
 
+# over the moments of inertia (kg m^2) of its base
 RATIO_ATTITUDE = (0.7 / 0.007, 0.7 / 0.007, 0.035 / 0.012)
 RATIO_RATE = (
     0.1 / 0.007,

@@ -256,6 +256,7 @@ def vectored_law(
         )
     )
     ahead = zip(goals, angles, memory.matched, strict=True)
+    # angles that lag as motors do need no correction: thrusts are as late
     squares = squares_at(
         vehicle, forces, [add(goal, sub(now, due)) for goal, now, due in ahead]
     )

@@ -240,6 +240,7 @@ def energy(
     gravity: float = 9.81,
 ) -> Array:
     """Kinetic plus potential energy (...), J."""
+    # dynamics has both parts of the energy, not their sum
     state, _, lead = _read(
         "kinetic_energy", vehicle, position, quaternion_wxyz, joints, velocity=velocity
     )

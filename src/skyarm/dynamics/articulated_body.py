@@ -70,6 +70,7 @@ def forward_dynamics(
     U = [Force(ZERO3, ZERO3)] * n
     inverse_d: list[Scalar] = [0] * n
     u: list[Scalar] = [0] * n
+    # inwards, children before their parents, which have smaller indices
     for i in reversed(range(n)):
         S = links[i].joint.motion_subspace
         U[i] = inertias[i].apply(S)
@@ -135,6 +136,7 @@ def _solve_base(inertia: ArticulatedInertia, force: Force) -> Motion:
     it.
     """
     M, J, H = inertia.M.full().rows, inertia.J.full().rows, inertia.H
+    # H couples rate and force: linear rows first, as in the mass matrix
     A = [[*row, *H.column(i)] for i, row in enumerate(M)] + [
         [*left, *row] for left, row in zip(H.rows, J, strict=True)
     ]

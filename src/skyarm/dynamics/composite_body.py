@@ -83,6 +83,7 @@ def _base_block(whole: SpatialInertia, R_WB: Mat3, size: int) -> list[list[Scala
     """Mass matrix with only the 6 x 6 block of the base filled in; rows and columns of
     the joints are zero.
     """
+    # velocities of the base are in world axes and its rates in its own
     coupling = R_WB @ Mat3.cross(-whole.moment)
     m = whole.mass
     rest = [0] * (size - 6)

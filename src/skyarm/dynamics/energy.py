@@ -41,6 +41,7 @@ def _body_motions(vehicle: Vehicle, state: State) -> list[_BodyMotion]:
     rates = [base.R.apply(state.rate)]
     origins = [state.velocity]
     for i, link in enumerate(vehicle.links):
+        # the base comes first, so that a link's index is one higher here
         parent = 0 if link.parent == BASE else link.parent + 1
         R = poses[i + 1].R
         own = link.joint.motion_subspace
@@ -93,6 +94,7 @@ def kinetic_energy(vehicle: Vehicle, state: State) -> Scalar:
                 w.dot(body.inertia.apply(w)),
             ),
         )
+    # armature: inertia of motors behind their gears, which is of no body
     for joint, rate in zip(vehicle.joints, state.joint_rates, strict=True):
         total = add(total, mul(joint.armature, mul(rate, rate)))
     return mul(0.5, total)

@@ -73,6 +73,7 @@ def rate_matrix_rate(phi: Scalar, theta: Scalar, rates: Vec3) -> Mat3:
     (rad/s).
     """
     sp, cp, st, ct = sin(phi), cos(phi), sin(theta), cos(theta)
+    # Q does not depend on psi, which turns first and about the world's z
     by_phi = Mat3(
         ZERO3, Vec3(0, neg(sp), mul(cp, ct)), Vec3(0, neg(cp), neg(mul(sp, ct)))
     )
@@ -140,6 +141,7 @@ def gravity_vector(
     """
     R = attitude(q)
     still = (0,) * vehicle.n
+    # rest under gravity is an upward proper acceleration of g
     force, torques = inverse_dynamics(
         vehicle, q[6:], ZERO3, still, Motion(ZERO3, R.apply_T(E_Z * gravity)), still
     )

@@ -188,6 +188,7 @@ def onto_leaders(vehicle: Vehicle, efforts: Sequence[Scalar]) -> Scalars:
     """Generalised forces of the independent joints, from the torques or forces of all
     joints.
     """
+    # by virtual work: a follower moves ratio times as far as its leader
     forces = list(efforts[: vehicle.n])
     for each, effort in zip(vehicle.followers, efforts[vehicle.n :], strict=True):
         forces[each.leader] = add(forces[each.leader], mul(each.ratio, effort))

@@ -77,6 +77,7 @@ class PointMotion:
             moved[name] = PointMotion(
                 each.vehicle, state, gravity=each.gravity, step=each.step, name=name
             )
+            # one dictionary: each sees the others where they were placed
             moved[name].agents = moved
         return moved[self.name]
 

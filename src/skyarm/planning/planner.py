@@ -146,6 +146,7 @@ class Plan:
     def torques(self) -> Array:
         """Joint torques (N m or N) at the nodes, (N + 1, n)."""
         vehicle, stage = self.task.vehicle, self.stage
+        # a limit is the torque over its most, less 1
         limits = self.compiled.values(self.x, self.u, self.data)[0][
             :, self.compiled.limits
         ]
@@ -177,6 +178,7 @@ class Plan:
                 for each in rotors
             ]
         ).T
+        # each rotor has one lag upwards and one downwards
         spins = self.u[:, : len(rotors)] * SPIN_UNIT
         delays = np.where(spins > 0.0, times[0], times[1]) + REACTION
         worst = np.max(delays * np.abs(spins), axis=1)
@@ -554,6 +556,7 @@ def _data(
     return dataclasses.replace(
         example,
         dt=0.0 if phase.duration is None else phase.duration / count,
+        # the step of a free phase is its length, a state, over its nodes
         free=tuple(1.0 / count if k == free else 0.0 for k in range(len(example.free))),
         tip=numbers(goal.tip),
         tip_velocity=numbers(goal.tip_velocity),
@@ -626,6 +629,7 @@ def guess_from(
     x[:, stage.nx - len(free) :] = free
     u = np.zeros((total, stage.nu))
     for k, phase in enumerate(task.phases):
+        # of a size that is chosen, 0.3 of the weight
         if phase.contact is not None:
             # along the normal, which is within every cone of friction
             u[edges[k] : edges[k + 1], -3:] = 0.3 * np.array([*phase.contact.normal])
@@ -999,6 +1003,7 @@ def nearest_of(plan: Plan) -> Nearest:
     # look is due
     t = np.linspace(0.0, plan.t[-1], max(2, round(plan.t[-1] / (10.0 * FINE)) + 1))
     gaps = _gaps(plan, near, t)
+    # finer where bodies are within 10 cm, or 2 cm of the nearest: chosen
     most = max(0.1, float(gaps.min()) + 0.02)
     close = t[gaps.min(axis=0) < most]
     fine = np.unique(
@@ -1091,6 +1096,7 @@ def _better(one: Solution, other: Solution | None) -> bool:
     if other is None:
         return True
     feasible, before = one.violation < TOLERANCE, other.violation < TOLERANCE
+    # both feasible: by cost; neither: by violation
     if feasible != before:
         return feasible
     return one.cost < other.cost if feasible else one.violation < other.violation
@@ -1106,6 +1112,7 @@ def seeds(task: Task, shape: Outline) -> list[list[Array]]:
         for a, b in itertools.pairwise(shape.bases)
     ]
     return [
+        # phases with fewer ways keep their last one
         [ways[min(k, len(ways) - 1)] for ways in each]
         for k in range(max(map(len, each)))
     ]

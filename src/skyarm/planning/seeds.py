@@ -64,6 +64,7 @@ def ways_around(
     gaps = free_distance(obstacles, points)
     for share in BALLS:
         ball = share * reach
+        # what a large ball passes straight smaller ones do, too
         if _is_free(obstacles, start, goal, ball):
             break
         way = _search(gaps, points, shape, places, ball)
@@ -154,6 +155,7 @@ def _search(
             if other in done or room[place] + room[other] - length < 2.0 * ball:
                 continue
             # ways close to obstacles are longer
+            # where the ball just fits by 0.3, chosen
             cost = costs[place] + length * (1.0 + 0.3 * ball / max(room[other], 0.05))
             if cost < costs.get(other, math.inf):
                 costs[other], before[other] = cost, place

@@ -220,7 +220,9 @@ class PlanSolver:
             damping = next_damping(damping, share)
             cost, violation = float(now.cost), now.violation
             inner += 1
+            # done: a step promises less than a share of the cost, which falls
             done = -slope < lax * max(1e-3, cost) or damping >= MOST_DAMPING
+            # solved: within all limits, and hardly anything is left to gain
             solved = violation < TOLERANCE and -slope < 1e-4 * max(1e-2, cost)
             updated = multipliers(y, z, penalty, now)
             yield Solution(
@@ -241,6 +243,7 @@ class PlanSolver:
             if done or inner >= PATIENCE:
                 y = y + penalty * now.goals
                 z = np.where(problem.limits, updated[1], 0.0)
+                # down to a quarter by the multipliers alone: the penalty need not grow
                 if violation <= 0.25 * before:
                     stuck = 0
                 elif done and -slope < SETTLED * penalty * violation**2:
@@ -328,6 +331,7 @@ def merit_of(
         goals = (y * at.goals).sum((-2, -1)) + 0.5 * penalty * (at.goals**2).sum(
             (-2, -1)
         )
+        # of a limit that is not active this is constant: only its multiplier counts
         limits = ((active**2 - z**2) * problem.limits).sum((-2, -1)) / (2.0 * penalty)
         return np.asarray(
             at.cost + goals + limits + weight * np.abs(at.gap).sum((-2, -1))
@@ -359,6 +363,7 @@ def next_damping(damping: float, share: float) -> float:
     """Number added to all second derivatives for the next step, after a step of which a
     share was taken.
     """
+    # chosen; below 1e-6 damping is off, so that good steps are Newton's own
     if share > 0.5:
         return damping / 4.0 if damping > 1e-6 else 0.0
     if share >= 0.2:

@@ -634,6 +634,7 @@ def retraction(x: Sequence[Scalar], d: Sequence[Scalar]) -> list[Scalar]:
 
 def gap(end: Sequence[Scalar], following: Sequence[Scalar]) -> list[Scalar]:
     """Tangent from a state to the end of the stage before it."""
+    # twice the vector part is the rotation vector to first order
     turn = Quaternion(*following[3:7]).conjugate() * Quaternion(*end[3:7])
     straight = [
         a - b
@@ -762,6 +763,7 @@ class CompiledStage:
         if step is None:
             step = np.zeros((len(x), self.nt)), np.zeros(u.shape)
         dx, du = step
+        # the last node has no input
         last = np.zeros((1, self.nu))
         rows = [
             x,
@@ -781,6 +783,7 @@ class CompiledStage:
         """Derivatives of the outputs by the tangents of state and inputs: (N + 1,
         outputs, nt + nu).
         """
+        # the last state has no input after it
         rows = np.hstack([x, np.vstack([u, np.zeros((1, self.nu))]), after(x), data])
         _, log = self._slopes.run(
             np.zeros((1, self.nt + self.nu)), self._directions, rows

@@ -508,6 +508,7 @@ def task_from(table: object, folder: Path = Path()) -> Task:
     own = dict(fields.table)
     name = fields.take("vehicle")
     own.pop("schema", None)
+    # a shipped vehicle's name goes before a file of that name
     if (
         isinstance(name, str)
         and name not in list_vehicles()

@@ -118,6 +118,7 @@ def hold(
             # the friction of this flight; a hit below needs as many times more steps as
             # it does in a flight alone
             step_rate = VERLET_FRICTION_STEP if count.verlet else FRICTION_STEP
+            # less 1e-9: a quotient that is whole up to rounding takes no step more
             usual = clip(
                 -floor(1e-9 - seconds * rate / step_rate), float(count.slack), steps
             )
@@ -171,6 +172,7 @@ def hold(
             count.rounds,
         )
 
+    # a loop states its most rounds: what hits and stops may ever ask for
     most = max(count.near * count.most, MOST_STEPS if count.stops else 0)
     now = repeat_while(most, where(far, 0.0, finer), step, now)
     if far is False:
@@ -318,6 +320,7 @@ class RigidBodyPlant:
         return fewest if max(fewest, divisions(seconds, float(largest))) < near else 0
 
     def _count(self, seconds: float, largest: float | None) -> int:
+        # Euler's step is stated; the others divide a period as often as something needs
         if self._integrator != "euler":
             return max(
                 1,
@@ -334,6 +337,7 @@ class RigidBodyPlant:
         """Vehicle state, then contact states, after ``seconds`` with a constant
         command.
         """
+        # the number of steps depends on the time: one program for each
         if seconds not in self._programs:
 
             def interval(

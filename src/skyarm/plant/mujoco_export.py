@@ -137,6 +137,7 @@ def _start(
     qvel[3:6] = start.rate
     qvel[rates] = every_rate(vehicle, start.joint_rates)
     thrusts = np.array([*map(_thrust, vehicle.rotors, start.rotor_speeds)])
+    # the actuators of tilting rotors come last
     tilts = model.jnt_qposadr[
         model.actuator_trnid[model.nactuator - len(vehicle.tilts) :, 0]
     ]

@@ -138,6 +138,7 @@ class Geoms(Welds):
             frozenset(model.geom(each).id for each in both): numbers
             for both, numbers in self._logged.items()
         }
+        # A, K, zeta and D as at the head of this module
         bodies = model.geom_bodyid[[model.pair_geom1, model.pair_geom2]]
         A = model.body_invweight0[bodies, 0].sum(axis=0)
         K, c = -model.pair_solref.T

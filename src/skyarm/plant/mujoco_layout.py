@@ -99,6 +99,7 @@ class Layout:
         for vehicle in self.vehicles:
             n = vehicle.n
             driven = len(vehicle.rotors) + len(vehicle.tilts)
+            # a base has 13: position, quaternion, velocity, rate
             base, joints, rates, speeds = (
                 list(islice(given, count)) for count in (13, n, n, driven)
             )

@@ -179,6 +179,7 @@ class Loads:
         whole = np.zeros((model.nv, model.nv))
         for column, moved in zip(np.eye(model.nv), whole, strict=True):
             mujoco.mj_mulM(model, data, moved, column)
+        # vehicles come first: what follows are the velocities of free objects
         return self._G.T @ whole[: len(self._G), : len(self._G)] @ self._G
 
 

@@ -201,6 +201,7 @@ def _add_joint(body: mujoco.MjsBody, joint: Joint, prefix: str) -> None:
     }
     name = prefix + joint.name
     armature = float(joint.armature)
+    # friction, limits and stops are our forces, equal on both plants
     body.add_joint(
         name=name,
         type=kinds[joint.kind],
@@ -239,6 +240,7 @@ def _add_sites(
             name=prefix + frame.name,
             pos=float_array(frame.position),
             quat=quaternion_of(frame.rotation),
+            # 5 mm: size only matters where it is drawn
             size=[0.005] * 3,
         )
     for rotor, name in zip(vehicle.rotors, site_of_rotor(vehicle), strict=True):
@@ -254,6 +256,7 @@ def add_geom(
     spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Shape, **words: Any
 ) -> mujoco.MjsGeom:
     """Add a shape to a body, without mass, and without contacts that MuJoCo chooses."""
+    # MuJoCo takes three sizes of every kind
     geom = body.add_geom(
         type=KINDS[shape.kind],
         size=[*half_lengths(shape), 0.0, 0.0][:3],

@@ -46,6 +46,7 @@ def beside_mujoco(vehicle: Vehicle, file: str) -> list[tuple[str, str, str, str]
     model = _compile(file)
     data = mujoco.MjData(model)
     ours = vehicle.joint_names
+    # the free joint first, wherever it stands in the file
     base, *others = sorted(
         range(model.njnt), key=lambda k: model.jnt_type[k] != mujoco.mjtJoint.mjJNT_FREE
     )
@@ -63,6 +64,7 @@ def beside_mujoco(vehicle: Vehicle, file: str) -> list[tuple[str, str, str, str]
     )
     lower, upper = limits.clip(-np.pi, np.pi).T
     poses = np.random.default_rng(0).uniform(lower, upper, (POSES, vehicle.n))
+    # the zero pose is the first, of which the rows of the table are
     poses[0], worst = 0.0, 0.0
     rows: list[tuple[str, str, str, str]] = []
     for q in poses:
@@ -127,6 +129,7 @@ def _whole(M: Array) -> dict[str, str]:
     level base.
     """
     m = M[0, 0]
+    # the block -m S(c) between velocity and rate has the centre of mass
     across = M[:3, 3:6] / M[0, 0]
     com = np.array([across[1, 2], across[2, 0], across[0, 1]])
     inertia = M[3:6, 3:6] - m * (com @ com * np.eye(3) - np.outer(com, com))

@@ -250,6 +250,7 @@ def _slope(
     """Time derivatives of position, rotation vector, joint positions and velocities of
     one vehicle.
     """
+    # Bortz: the next term is of fourth order in u
     across = u.cross(x.rate)
     turning = x.rate + across * 0.5 + u.cross(across) * (1.0 / 12.0)
     return [*x.velocity, *turning, *x.joint_rates, *linear, *angular, *joints]

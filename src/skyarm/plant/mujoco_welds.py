@@ -78,6 +78,7 @@ def object_forces(around: Together, motions: Sequence[PointMotion]) -> list[Scal
             contact.meetings(memory, motions[0]),
             around.each[0].time,
         )
+        # the objects come first among the movable bodies
         for each, body, (force, torque) in zip(
             contact.objects, memory.carried, loads, strict=False
         ):
@@ -220,6 +221,7 @@ class Welds:
         numbers = list[float]()
         generalized = np.zeros(self._model.nv)
         for i, (site, body) in enumerate(zip(self._sites, self._bodies, strict=True)):
+            # of one constraint alone: on a free body J^T f is its force and torque
             mujoco.mj_mulJacTVec(
                 model,
                 data,
@@ -228,6 +230,7 @@ class Welds:
             )
             force, torque = generalized[model.body_dofadr[body] :][:6].reshape(2, 3)
             lever = data.site_xpos[site] - data.xpos[body]
+            # MuJoCo gives the torque about the body's origin in the body's axes
             numbers += [
                 *(data.xmat[body].reshape(3, 3) @ torque - np.cross(lever, force)),
                 *force,

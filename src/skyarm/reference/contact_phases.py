@@ -68,6 +68,7 @@ def handle(task: TaskBuilder, phase: Fields, kind: str) -> None:
     name = filled_text(phase.take(what), phase.at(what), f"the name of a {what}")
     dwell = seconds(phase, "dwell", 1.0)
     task.wait_until(phase)
+    # half-way through the dwell: the tip rests before and after
     task.handled = task.time, task.time + 0.5 * dwell
     named = {"payload": "", what: name}
     event = TaskEvent(kind=kind, time=task.handled[1], where=phase.where, **named)
@@ -216,6 +217,7 @@ def write(task: TaskBuilder, phase: Fields) -> None:
     length = sum(
         math.dist(a, b) for a, b in zip([task.at, *points], points, strict=False)
     )
+    # a stated duration is shared out by length: one speed on all pieces
     for point in points:
         share = None if whole is None else whole * math.dist(task.at, point) / length
         task.go([task.at, point], share)
@@ -318,6 +320,7 @@ def turn(task: TaskBuilder, phase: Fields) -> None:
     a, away = Vec3(*axis), Vec3(*task.at) - Vec3(*center)
     out = away - a * a.dot(away)
     radius = float(out.norm())
+    # nearer than rounding: the tip stands on the axis
     if radius < 1e-6:
         raise ValueError(
             f"{phase.at('center')} = {shown(list(center))}: must be a place beside"

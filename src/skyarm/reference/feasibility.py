@@ -123,6 +123,7 @@ def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
     if tip is None or vehicle is None:
         return None
     count = min(max(math.ceil(setting.duration * LOOKS), 1), MOST_LOOKS)
+    # without the end: each instant stands for duration / count
     times = np.linspace(0.0, setting.duration, count, endpoint=False)
     reference = trajectory.at(times)
     derivatives = [

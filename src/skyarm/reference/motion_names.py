@@ -34,6 +34,7 @@ def _terms(signal: Signal, at: Place) -> list[tuple[Signal, Place]] | None:
     None for any other signal.
     """
     match signal:
+        # a list of motions is the sum of zero and one after the other
         case Constant(value=int() | float() as value) if value == 0.0:
             return []
         case Sum(signals=(before, last)):

@@ -253,4 +253,5 @@ def motion_of_object(fields: Fields, start: Vec3) -> PoseTrajectory:
         name: Sum(tuple(each)) if len(each) > 1 else each[0]
         for name, each in moves.items()
     }
+    # without a place it stays aloft: later than any flight
     return PoseTrajectory(**signals, lift=lift, stop=stop or time + 1e6)

@@ -98,6 +98,7 @@ class PathTime:
                 "reference.governor: must be left out of a reference whose phases wait"
                 " (until)"
             )
+        # durations are sums of steps, which round
         if self.duration < duration - 1e-9:
             raise ValueError(
                 f"reference.governor: was planned for {self.duration:g} s, the flight"
@@ -158,6 +159,7 @@ def _chain_rule(
     d: Sequence[Scalar], s: Derivatives
 ) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     """First four derivatives of x(s(t)) by t, from those of x by s and of s by t."""
+    # the formula of Faa di Bruno; twice is the square of the rate
     (d1, d2, d3, d4), (_, s1, s2, s3, s4) = d, s
     twice = s1 * s1
     return (
@@ -189,9 +191,11 @@ def offset_reference(
             count.
         time: s, of the reference.
     """
+    # factors, not differences: each return takes back what is left by then
     left = Taylor.of_derivatives((1.0, 0.0, 0.0, 0.0, 0.0))
     for begin, end in returns:
         gone = minimum_snap((begin, end), (0.0, 1.0)).derivatives(time)
+        # a return that begins with the offset counts, up to rounding
         counts = begin >= since - 1e-9
         left = left * Taylor.of_derivatives(
             [one - where(counts, d, 0.0) for one, d in zip(ONE, gone, strict=True)]

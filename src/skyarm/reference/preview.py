@@ -51,6 +51,7 @@ def with_preview(
     return replace(
         sample,
         ahead=tuple(numbers),
+        # a sum of tuples joins them: the turnings of all samples, one after the other
         turning=sum((coming.turning for coming in later), sample.turning),
     )
 
@@ -59,6 +60,7 @@ def samples_ahead(reference: Reference) -> list[list[Sample]]:
     """Future samples of all signals of a reference, one list for each preview instant;
     empty without a preview.
     """
+    # three numbers of x, y, z, the heading and each joint
     count = 3 * (4 + len(reference.joints))
     rows = [
         reference.ahead[i : i + count] for i in range(0, len(reference.ahead), count)

@@ -70,6 +70,7 @@ class Redirected(Signal):
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives one to four at time t (s)."""
         before = self.signal.derivatives(t)
+        # kept within the motion: both branches are evaluated, and powers would overflow
         u = minimum(maximum((t - self.start) / self.duration, 0.0), 1.0)
         moving = quintic(
             u, self.duration, self.value, self.velocity, self.acceleration, self.goal
@@ -109,6 +110,7 @@ def quintic(
         goal: at the end, at rest.
     """
     a1, a2 = velocity * duration, 0.5 * acceleration * duration * duration
+    # what value, slope and bend of the start leave to the goal at u = 1
     h, w, s = goal - value - a1 - a2, -(a1 + 2.0 * a2), -2.0 * a2
     a3 = 10.0 * h - 4.0 * w + 0.5 * s
     a4 = -15.0 * h + 7.0 * w - s

@@ -283,6 +283,7 @@ def _require_reach(trajectory: Trajectory, where: str, duration: float) -> None:
     ]
     for at, signal, unit in signals:
         looks, values = _over_time(signal, duration)
+        # NaN is too far, too
         far = ~(np.abs(values) <= FARTHEST)
         if far.any():
             k = int(np.argmax(far))

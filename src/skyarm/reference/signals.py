@@ -201,6 +201,7 @@ def _nonic(u: Scalar) -> Derivatives:
     """Blend u^5 (126 - 420 u + 540 u^2 - 315 u^3 + 70 u^4), and its derivatives by
     u.
     """
+    # the derivatives in factors: exactly 0 at both ends
     u2, w = u * u, 1.0 - u
     w2 = w * w
     return (

@@ -175,7 +175,7 @@ def interpolating_points(samples: Sequence[float]) -> list[float]:
 
 BEYOND = 14
 """Number of samples before the start and after the end of a curve, over which effects
-of its ends decay."""
+of its ends decay: by 0.43 a sample, the largest pole of the interpolation, to 8e-6."""
 
 
 def sampled_curve(samples: Sequence[float], step: float) -> Polynomials:
@@ -310,6 +310,7 @@ def _solve_banded(A: list[list[Number]], b: list[Number], band: int) -> list[Num
     rounding on every machine.
     """
     n = len(b)
+    # L[i][d] is row i and column i - d: the band alone is stored
     L: list[list[Number]] = [[0.0] * (band + 1) for _ in range(n)]
     D: list[Number] = [0.0] * n
     for i in range(n):

@@ -83,6 +83,7 @@ def guard_from(
             f"{phase.at('until')} = {shown(fields.table)}: must have one of"
             f" {', '.join(ASKED)}"
         )
+    # an error has no direction, forces and distances are along one
     if "direction" not in guard and any(name in guard for name in NUMBERS[1:]):
         if normal is None:
             allowed = (
@@ -345,6 +346,7 @@ class TaskBuilder:
         for axis in range(3):
             parts: list[Signal] = [Constant(self.start[axis])]
             for points, times in self._pieces:
+                # an axis along which nothing moves needs no spline
                 if any(p[axis] != points[0][axis] for p in points):
                     parts.append(
                         minimum_snap(times, [p[axis] - points[0][axis] for p in points])
@@ -399,6 +401,7 @@ def require_field(
     fields: Fields, name: str, value: Scalars, earlier: Scalars | None, words: str
 ) -> None:
     """Refuse a value of a task phase that contradicts an earlier phase."""
+    # vectors that a file states are rounded, and their lengths, too
     if earlier is not None and any(
         not math.isclose(a, b, abs_tol=1e-9)
         for a, b in zip(value, earlier, strict=True)

@@ -148,6 +148,7 @@ def rotation_row(turns: Iterable[tuple[Scalar, Scalar]], axis: int) -> Vec3:
     """Row of the rotation R_z(yaw) R_y(pitch) R_x(roll), from cosine and sine of roll,
     pitch and yaw.
     """
+    # one row: the caller needs one coordinate
     (cr, sr), (cp, sp), (cy, sy) = turns
     if axis == 0:
         return Vec3(cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr)
@@ -264,6 +265,7 @@ def counted_error(away: Vec3, push: Sequence[Scalar], tip: Vec3) -> Vec3:
     """
     if not push:
         return away
+    # push: force, speed, normal (3); then grip; then pivot (3) and axis (3)
     force, _, *normal = push[:5]
     n, pressed = Vec3(*normal), force > 0.0
     if len(push) > 5:

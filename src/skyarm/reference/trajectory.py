@@ -224,6 +224,7 @@ class Trajectory:
         motion's parameters.
         """
         names = field_paths(self) | {"base": motion_names(self.x, self.y, self.z)}
+        # base is the name of a table, not an attribute: it stays
         return {
             name: places
             for name, places in names.items()
@@ -244,8 +245,10 @@ class Trajectory:
         tip: Scalars = ()
         if self.tip is not None:
             carried = self.tip.base(t, heading, q)
+            # a motion of the base is added to what the tip's motion takes
             base = tuple(own + more for own, more in zip(carried, base, strict=True))
             tip = tuple(self.tip.path(t)[0])
+        # a plan states where the tip will be, with the base's tilt
         if self.planned is not None:
             tip = tuple(signal.derivatives(t)[0] for signal in self.planned.tip)
         moving: dict[str, Any] = dict(
@@ -305,6 +308,7 @@ class Trajectory:
                 f"trajectories of {len(self.joints)} and {len(other.joints)} joints do"
                 " not add"
             )
+        # one of both may have no joints
         joints = (
             tuple(a + b for a, b in zip(self.joints, other.joints, strict=False))
             or self.joints

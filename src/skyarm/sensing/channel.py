@@ -189,6 +189,7 @@ class Channel:
             t: s, of the reading.
         """
         moved = () if self.offset is None else self.offset.at(t)
+        # the first draws are those of the random bias
         noise = draws[len(drift) :]
         deviation = self.deviation(dt)
         readings = []
@@ -198,6 +199,7 @@ class Channel:
             off = add(off, drift[i]) if drift else off
             off = add(off, mul(deviation, noise[i])) if self.noisy else off
             scaled = value if absent(self.scale) else value * add(1.0, self.scale)
+            # resolution comes last, as a converter rounds what its sensor gives
             readings.append(self.quantize(add(scaled, off)))
         return tuple(readings)
 
@@ -495,6 +497,7 @@ class ChannelSensor(Sensor):
                 blend(self.dropouts.silent(lost, t), memory.last, reading),
             )
         following = ChannelMemory(
+            # 1 of the memory's own kind: of an array or a traced number, too
             read=memory.read * 0.0 + 1.0,
             drifts=tuple(drifts),
             lost=lost,

@@ -248,6 +248,7 @@ class Pose(ChannelSensor):
         attitude error.
         """
         position, turn = values
+        # from the right: the error is a rotation in base axes
         attitude = state.quaternion * Quaternion.of_rotation_vector(Vec3(*turn))
         return own, PoseReading(time=t, position=Vec3(*position), quaternion=attitude)
 

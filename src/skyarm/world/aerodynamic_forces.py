@@ -193,6 +193,7 @@ class RotorDrag(Force[tuple[()]]):
                 self.lift * across.dot(across)
                 - self.inflow * speed_size(rotor, speed) * along
             )
+            # a fault takes its share of this thrust, too
             wrenches.append(
                 Wrench(force_W=axis * mul(left, extra), point=rotor.position)
             )

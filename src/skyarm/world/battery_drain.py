@@ -28,10 +28,10 @@ from skyarm.world.component import Column, Component
 
 HALVINGS, NEAR = 24, 1e-6
 """Halvings of the voltage's interval, from half to all of that without a load, and
-share of it in a difference."""
+share of it in a difference. The halvings leave 3e-8 of the voltage without a load."""
 
 SETTLED = 3600.0
-"""Time (s) after which rotors have followed their commands."""
+"""Time (s) after which rotors have followed their commands: far more than any lag."""
 
 
 @immutable

@@ -131,6 +131,7 @@ class Disturbance(NoisyComponent, Force[Numbers]):
             point, body = ZERO3, BASE
         else:
             point, body = motion.frame(self.frame)
+        # the base has no frame of its own: its axes are those of the body
         if self.axes == "frame":
             R = None if not self.frame else motion.vehicle.frame(self.frame).rotation
             force, torque = (

@@ -145,7 +145,9 @@ def low_altitude(
     """
     _within("altitude", altitude, LOWEST, HIGHEST, "m (10 to 1000 ft)")
     _within("wind_20ft", wind_20ft, 0.0, math.inf, "m/s")
+    # time constants of the filters are lengths over airspeed
     _within("minimum_airspeed", minimum_airspeed, 1e-3, math.inf, "m/s")
+    # powers by log and exp: scalars have no others
     shape = log(0.177 + 0.000823 * (altitude / METRES_PER_FOOT))
     horizontal_length = altitude * exp(-1.2 * shape)
     vertical = 0.1 * wind_20ft

@@ -52,6 +52,7 @@ class Gust:
                 f"gust.shape = {self.shape!r}: must be one of {', '.join(SHAPES)}"
             )
         if concrete(self.duration):
+            # one minus cosine divides by the duration
             strict = self.shape != "step"
             if not (self.duration > 0.0 if strict else self.duration >= 0.0):
                 raise ValueError(

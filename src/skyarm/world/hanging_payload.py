@@ -42,7 +42,8 @@ from skyarm.world.component import Column, Wrench, require_frame, select
 from skyarm.world.timed_payload import PayloadMemory, TimedPayload
 
 SUBSTEPS = 20
-"""Number of integration steps of the load per control period."""
+"""Number of integration steps of the load per control period. At ``FASTEST`` the
+load then swings on its cord 3e-5 too quickly: (w h)^2 / 24 of semi-implicit Euler."""
 
 STEPS, TOUCHES = 8, 1e-3
 """Number of steps in which a load is let down onto a surface; distance (m) from it, and
@@ -135,6 +136,7 @@ class HangingPayload(TimedPayload):
         require_frame(vehicle, self.frame)
         if not concrete(self.cord, self.stretch, gravity):
             return
+        # stretched by m g / k = stretch L, the cord swings with sqrt(g / (stretch L))
         least = gravity * (period / FASTEST) ** 2 / self.cord
         if self.stretch < least:
             raise ValueError(
@@ -233,6 +235,7 @@ class HangingPayload(TimedPayload):
         dynamics (impulses of a time step).
         """
         to_tip = now.holder - now.position
+        # at the frame itself the cord has no direction: zero, not NaN
         length = sqrt(to_tip.dot(to_tip) + 1e-24)
         along = to_tip * (1.0 / length)
         # k / m, by which the weight stretches the cord as stated
@@ -247,6 +250,7 @@ class HangingPayload(TimedPayload):
         for solid in motion.solids:
             depth, normal = solid.depth(position, 0, 0.0)
             into = minimum(normal.dot(velocity), 0.0)
+            # friction takes from the slip by what hits; 1e-24: at rest no 0 / 0
             beside = velocity - normal * into
             left = maximum(
                 1.0

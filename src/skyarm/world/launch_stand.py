@@ -87,7 +87,9 @@ class LaunchStand(Force[tuple[()]]):
         gap = state.position - self.place
         v = state.velocity
         below = gap.z < 0.0
+        # per mass, a critically damped spring that pushes and never pulls
         up = where(below, maximum(0.0, -w * w * gap.z - 2.0 * w * v.z), 0.0)
+        # sideways it holds as far as it bears the weight
         share = minimum(up / self.gravity, 1.0)
         hold = share * self.mass
         force = Vec3(

@@ -55,6 +55,7 @@ def _signal(entry: Entry, where: str) -> Signal:
     """Time signal from a value of a scenario file; an exact zero becomes a constant of
     compiled code.
     """
+    # by type: False is equal to zero, and no number
     return (
         NONE
         if type(entry) in (int, float) and entry == 0.0

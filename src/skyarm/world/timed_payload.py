@@ -217,6 +217,7 @@ class TimedPayload(Component[PayloadMemory]):
         place = (
             (0.0, 0.0, 0.0)
             if self.pick_place is None
+            # 1.0 makes whole numbers data and leaves other scalars
             else tuple(1.0 * c for c in self.pick_place.of)
         )
         return PayloadMemory(held=0.0, caught=0.0, gone=0.0, place=Vec3(*place))

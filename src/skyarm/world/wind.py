@@ -287,6 +287,7 @@ class MovingAir(GustyWind[Turbulence], Air[Turbulence]):
         """
         values = cls.gusts_from(fields)
         table = fields.table.get("turbulence")
+        # a table with an intensity is that of the record itself
         if isinstance(table, dict) and (
             "intensity" not in table or "altitude" in table
         ):
@@ -308,6 +309,7 @@ class MovingAir(GustyWind[Turbulence], Air[Turbulence]):
             for each in ("airspeed", "direction_W", "least_airspeed")
         }
         moved = any(place[0] == "velocity_W" for place in places)
+        # turbulence of an altitude has a least airspeed
         if (
             followed is None
             or not moved
@@ -382,6 +384,7 @@ def low_turbulence(fields: Fields, velocity: Sequence[float]) -> Dryden:
     fields.done()
     x, y, z = velocity
     horizontal = math.hypot(x, y)
+    # wind that is vertical, or none, has no heading: x is a choice
     direction = Vec3(x / horizontal, y / horizontal, 0) if horizontal > 0.0 else E_X
     return dryden.low_altitude(
         altitude, wind_20ft, math.hypot(x, y, z), direction, minimum

@@ -170,6 +170,7 @@ def exp(x: Scalar) -> Scalar:
     # two factors, because 2**k alone leaves the range of normal numbers at both ends
     first = f.floor(0.5 * k)
     scaled = y * f.power_of_two(first) * f.power_of_two(k - first)
+    # ends of the range: overflow, and half of the least subnormal number
     return f.where(
         x > 709.782712893384, float("inf"), f.where(x < -745.1332191019412, 0.0, scaled)
     )
@@ -187,6 +188,7 @@ def log(x: Scalar) -> Scalar:
     half = 0.5 * m * m
     value = k * LN2_HIGH - ((half - (s * (half + R) + k * LN2_LOW)) - m)
     inside = f.where(x < float("inf"), value, x)
+    # below the least normal number there is no such exponent: taken for 0
     return f.where(
         x > 2.2250738585072014e-308,
         inside,

@@ -43,6 +43,7 @@ def copysign(size: float, sign: float) -> float:
 
 def power_of_two(k: float) -> float:
     """Power 2**k for an integer k; NaN for NaN."""
+    # exp halves its exponent, so that a sound k is far within; int() takes no NaN
     return math.ldexp(1.0, int(k)) if -1100.0 < k < 1100.0 else NAN
 
 

@@ -60,8 +60,10 @@ def _array_namespace(
     namespace = SimpleNamespace(
         **{ours: wrap(getattr(xp, theirs)) for ours, theirs in table.items()}
     )
+    # frexp's mantissa is in [0.5, 1), ours in [1, 2): one more in the exponent
     namespace.exponent = lambda x: xp.frexp(x)[1] - 1.0
     namespace.mantissa = lambda x: 2.0 * xp.frexp(x)[0]
+    # ldexp takes exponents of an integer type only
     namespace.power_of_two = lambda k: xp.ldexp(1.0, k.astype(int))
     return namespace
 
@@ -84,6 +86,7 @@ def _casadi_namespace(casadi: ModuleType) -> SimpleNamespace:
     )
     table = {name: name for name in same} | names
     functions = {ours: getattr(casadi, theirs) for ours, theirs in table.items()}
+    # CasADi's own division has IEEE's results
     return SimpleNamespace(divide=lambda a, b: a / b, **functions)
 
 

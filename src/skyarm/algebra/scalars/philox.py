@@ -59,6 +59,7 @@ def philox4x32(
     Source: Salmon et al. 2011, section 3.3: the key is bumped between rounds, not
     before the first.
     """
+    # in 64 bits, since the product of two words has both its halves in use
     shift, mask = np.uint64(32), np.uint64(_WORD)
     c0, c1, c2, c3 = (np.asarray(c, dtype=np.uint64) for c in counter)
     k0, k1 = (np.asarray(k, dtype=np.uint64) for k in key)
@@ -109,6 +110,7 @@ def uniforms(
         _whole("channel", channel, 32),
         _whole("episode", episode, 32),
     )
+    # a block of four words gives two uniforms
     blocks = np.arange((int(_whole("count", count, 32)) + 1) // 2, dtype=np.uint64)
     c1, c2, c3 = (c[..., None] for c in np.broadcast_arrays(c1, c2, c3))
     words = philox4x32(
@@ -142,6 +144,7 @@ def normal_pair(a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
 
     Source: Box, Muller 1958.
     """
+    # of elementary, not of the scalars' libraries: the same bits on every engine
     radius, angle = sqrt(-2.0 * elementary.log(a)), TWO_PI * b
     return radius * elementary.cos(angle), radius * elementary.sin(angle)
 
@@ -172,6 +175,7 @@ def _whole(name: str, value: ArrayLike, bits: int) -> Words:
     """
     numbers = np.asarray(value)
     whole = numbers.dtype.kind in "iu"
+    # numbers of 64 bits are below 2**64 by their type, and NumPy has no 2**64
     if (
         not whole
         or bool(np.any(numbers < 0))

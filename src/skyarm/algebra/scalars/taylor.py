@@ -43,6 +43,7 @@ class Taylor:
     @classmethod
     def of_derivatives(cls, derivatives: Sequence[Scalar]) -> Taylor:
         """Taylor series from value, first derivative, second derivative and so on."""
+        # factors of 0! and 1! are ints, which fold
         return cls(
             [
                 mul(d, 1 if k < 2 else 1.0 / math.factorial(k))
@@ -98,6 +99,7 @@ class Taylor:
         if not isinstance(other, Taylor):
             return Taylor([mul(a, other) for a in self.c])
         a, b = self.c, other.c
+        # the lower order of both: beyond it one factor's coefficients are unknown
         return Taylor(
             [
                 total(mul(a[j], b[k - j]) for j in range(k + 1))
@@ -110,6 +112,7 @@ class Taylor:
     def __truediv__(self, other: Scalar) -> Taylor:
         """Quotient of two Taylor series."""
         b = self._terms(other)
+        # one division for all coefficients
         inverse = functions.divide(1.0, b[0])
         q: list[Scalar] = []
         for k, a in enumerate(self.c[: len(b)]):
@@ -169,6 +172,7 @@ class _TaylorFunctions:
     @staticmethod
     def sqrt(x: Taylor) -> Taylor:
         root = [functions.sqrt(x.c[0])]
+        # one division for all coefficients
         half = functions.divide(0.5, root[0])
         for k in range(1, len(x.c)):
             rest = x.c[k]
@@ -233,6 +237,7 @@ def choose(condition: Scalar, a: Scalar, b: Scalar) -> Taylor:
     pairs = zip(as_series(a, order).c, as_series(b, order).c, strict=False)
     return Taylor(
         [
+            # zero in both, as structure, stays so: a constant goes on costing nothing
             (
                 0
                 if type(x) is int and type(y) is int and x == y == 0

@@ -17,11 +17,13 @@ def configure_extra_options() -> bool:
     without these options.
     """
     present = os.environ.get("XLA_FLAGS", "").split()
+    # set before, or by the user, whose value stays
     if any(
         flag.split("=")[0] == EXTRA_OPTIONS.split("=", maxsplit=1)[0]
         for flag in present
     ):
         return True
+    # XLA reads its options once, when the first backend starts
     if _has_started():
         return bool(sys.modules["jax"].default_backend() != "cpu")
     os.environ["XLA_FLAGS"] = " ".join([*present, EXTRA_OPTIONS])

@@ -54,6 +54,7 @@ def _bits(x: Array) -> Array:
 def power_of_two(k: Array) -> Array:
     """Power 2**k for a whole number k, written directly into the exponent bits."""
     integer, shift, bias = _layout(k)
+    # 1.5 times 2 to the mantissa's bits: the sum has the integer in its low bits
     bits = _bits(lax.add(k, _like(k, 1.5 * 2.0**shift)))
     moved = lax.shift_left(bits, _like(bits, shift))
     return lax.bitcast_convert_type(lax.add(moved, integer(bias << shift)), k.dtype)
@@ -93,6 +94,7 @@ def _(primals: tuple[Array, ...], tangents: tuple[Array, ...]) -> tuple[Array, A
     (a, b), (da, db) = primals, tangents
     q = lax.div(a, b)
     zero = b == 0.0
+    # an infinite or undefined slope would spoil gradients of branches not taken
     safe, scale = lax.select(zero, _like(b, 1.0), b), lax.select(zero, _like(q, 0.0), q)
     slope = (da - scale * db) / safe
     return q, lax.select(zero, _like(slope, 0.0), slope)
@@ -237,6 +239,7 @@ def uniforms(
 
 def _product(a: int, b: Array) -> tuple[Array, Array]:
     """High and low 32-bit word of a product, computed without 64-bit integers."""
+    # halves of 16 bits, since a product of two of them fits into 32
     half = np.uint32(16)
     a_high, a_low = np.uint32(a >> 16), np.uint32(a & 0xFFFF)
     b_high, b_low = b >> half, b & np.uint32(0xFFFF)
@@ -249,6 +252,7 @@ def _product(a: int, b: Array) -> tuple[Array, Array]:
 def _philox(counter: Words, key: tuple[Array, Array]) -> Words:
     c0, c1, c2, c3 = counter
     k0, k1 = key
+    # words of 32 bits wrap around by themselves: no mask
     for index in range(ROUNDS):
         if index:
             k0, k1 = (
@@ -266,6 +270,7 @@ def _philox(counter: Words, key: tuple[Array, Array]) -> Words:
 def _unit64(low: Array, high: Array) -> Array:
     """Map a 64-bit integer x to (2 (x >> 12) + 1) 2**-53, a double in (0, 1)."""
     wide = [lax.convert_element_type(word, np.uint64) for word in (low, high)]
+    # bits of a number in [1, 2): no conversion, which would round 64 bits
     top = (wide[1] << np.uint64(20)) | (wide[0] >> np.uint64(12))
     one_to_two = lax.bitcast_convert_type(
         top | np.uint64(0x3FF0000000000000), np.float64
@@ -274,9 +279,10 @@ def _unit64(low: Array, high: Array) -> Array:
 
 
 def _unit32(low: Array, high: Array) -> Array:
-    """Map two 32-bit words to a single-precision number in (0, 1), without 64-bit
-    integers.
+    """Map two 32-bit words to a single-precision number in (0, 1], without 64-bit
+    integers; the highest words round to 1.
     """
+    # both words as one fraction, and half a step of doubles, so that 0 never comes
     upper, lower = (lax.convert_element_type(word, np.float32) for word in (high, low))
     return (upper + lower * np.float32(2.0**-32)) * np.float32(2.0**-32) + np.float32(
         2.0**-53

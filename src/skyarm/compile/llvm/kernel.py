@@ -216,6 +216,7 @@ class Kernel:
             rows = np.hstack(
                 [rows, self._ahead.run(rows.T, rows.T[:0], rows[:1, :0])[1][0].T]
             )
+        # beyond the range of 32 bits a number becomes inf, which the flight then shows
         with np.errstate(over="ignore"):
             r = np.ascontiguousarray(rows, dtype=self.dtype)
         if r.ndim != 2 or r.shape[1] != self.loop.row:
@@ -270,6 +271,7 @@ def _keys(seed: int, episodes: Array, lanes: int, padded: int) -> Array:
         episodes.dtype.kind not in "iu" or episodes.min() < 0 or episodes.max() >= 2**32
     ):
         raise ValueError("episodes: must be whole numbers from 0 to 2**32 - 1")
+    # lanes that only fill up the last vector draw as episode 0 and are cut off
     keys = np.zeros(1 + padded, dtype=np.uint64)
     keys[0] = seed
     keys[1 : 1 + lanes] = episodes
@@ -282,6 +284,7 @@ def _make_engine(text: str, effort: int) -> llvm.ExecutionEngine:
     """
     effort = _allowed_effort(effort)
     # the cache has errors of its own, which say nothing of LLVM
+    # fully optimised code, if there is some, serves any effort
     content = object_cache.load(_identity(text, _allowed_effort(FULL)))
     if content is None and effort < FULL:
         content = object_cache.load(_identity(text, effort))
@@ -324,6 +327,7 @@ def work_behind(command: str, text: str) -> None:
         file.seek(0)
         arguments = [
             sys.executable,
+            # -P: no module of the current folder stands in for one of ours
             "-P",
             "-c",
             f"import os; getattr(os, 'nice', int)(19); {command}",
@@ -332,9 +336,11 @@ def work_behind(command: str, text: str) -> None:
         _behind.append(
             subprocess.Popen(
                 arguments,
+                # nothing waits until the process has read a file, as for a pipe
                 stdin=file,
                 stdout=quiet,
                 stderr=quiet,
+                # Ctrl-C ends the command in front alone
                 start_new_session=True,
             )
         )

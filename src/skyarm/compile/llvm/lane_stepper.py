@@ -97,6 +97,7 @@ class LaneStepper:
         last = self._blocks * self._kernel.lanes.width
         if lanes == last:
             return
+        # a copy takes no more rounds of any loop than the lane that it copies
         for array in (self._carry, self._parameters):
             array[:, lanes:last] = array[:, lanes - 1 : lanes]
 
@@ -116,6 +117,7 @@ class LaneStepper:
             seeds: (m,) of these lanes, in a loop with own seeds.
             first: number of the next step.
         """
+        # what the lane's count of steps is ahead of the common one, modulo 2^32
         ahead = (first - self._tick) % 2**32
         self._keys[1 + where] = episodes.astype(np.uint64) | np.uint64(ahead << 32)
         if seeds is not None:
@@ -131,6 +133,7 @@ class LaneStepper:
         self._tick = self._tick + 1
         if self._shared is None:
             self._arguments[9] = tick
+            # the place of the step's number, as START in shared_steps
             self._quick(self._pointer)
         else:
             if self._process != os.getpid():  # threads stay behind in a fork
@@ -224,6 +227,7 @@ class Stepper:
             for table in (rows, log)
         ):
             raise ValueError("tables: must be contiguous and of the kernel's numbers")
+        # the machine code has bare addresses: "needs" keeps the arrays alive
         self.step.__dict__["needs"][2:] = rows, log
         self._arguments[2:4] = rows.ctypes.data, log.ctypes.data
 

@@ -91,6 +91,7 @@ def _philox(
                 )
                 for k, increment in zip((k0, k1), KEY_INCREMENTS, strict=True)
             )
+        # words of 32 bits stand in 64, since a product needs both its halves
         p0 = writer.emit(f"mul {words} {c0}, {splat(MULTIPLIERS[0])}")
         p1 = writer.emit(f"mul {words} {c2}, {splat(MULTIPLIERS[1])}")
         high0, high1 = (writer.emit(f"lshr {words} {p}, {splat(32)}") for p in (p0, p1))
@@ -108,6 +109,8 @@ def _philox(
 def _unit(writer: Writer, words: str, low: str, high: str, splat: Splat) -> str:
     """Write assembly that maps 64-bit random integers to numbers in (0, 1); returns the
     vector's name.
+
+    Single precision rounds the highest of them to 1.
     """
     lanes = writer.lanes
     double = lanes.vector_of("double")
@@ -118,10 +121,12 @@ def _unit(writer: Writer, words: str, low: str, high: str, splat: Splat) -> str:
     joined = writer.emit(
         f"or {words} {writer.emit(f'shl {words} {high}, {splat(32)}')}, {low}"
     )
+    # 52 random bits behind the exponent of 1.0: exact, and no conversion of integers
     top = writer.emit(f"lshr {words} {joined}, {splat(12)}")
     bits = writer.emit(f"or {words} {top}, {splat(0x3FF0000000000000)}")
     shifted = writer.emit(f"bitcast {words} {bits} to {double}")
     from_zero = writer.emit(f"fsub {double} {shifted}, {number('1.0')}")
+    # 2^-53: half a step, so that no number is 0
     result = writer.emit(f"fadd {double} {from_zero}, {number('0x3CA0000000000000')}")
     return (
         writer.emit(f"fptrunc {double} {result} to {lanes.vector}")
@@ -282,6 +287,7 @@ def _call() -> list[str]:
     """Assembly of a second entry function, whose only argument is a pointer to the
     array of all arguments.
     """
+    # ctypes converts every argument of a call: one pointer takes least
     kinds = [argument.split()[0] for argument in ARGUMENTS]
     lines = [f"define void @{CALL}(ptr %arguments) {{"]
     for k, kind in enumerate(kinds):
@@ -302,6 +308,7 @@ def _split(
     for node in nodes:
         if node.op == "input":
             continue
+        # a loop variable has no operands and yet varies
         if node.op == "const" or (
             node.op != "slot" and all(arg.index in fixed for arg in node.args)
         ):

@@ -76,6 +76,7 @@ class Lanes:
         """
         if self.single:
             value = to_single(value)
+        # LLVM writes constants of 32 bits with the digits of a double, too
         bits = struct.unpack("<Q", struct.pack("<d", value))[0]
         return self.splat(f"{self.scalar} 0x{bits:016X}")
 
@@ -132,6 +133,7 @@ class Writer:
         vector = self.lanes.vector_of(scalar)
         if lanes.width == 1:
             return name
+        # other elements may be anything: the shuffle reads the first alone
         first = self.emit(f"insertelement {vector} poison, {scalar} {name}, i64 0")
         zeros = f"{lanes.vector_of('i32')} {lanes.splat('i32 0')}"
         return self.emit(f"shufflevector {vector} {first}, {vector} poison, {zeros}")
@@ -194,6 +196,7 @@ class Writer:
         """Write assembly that reserves memory for arguments and results of the shared
         functions that nodes call.
         """
+        # one area for all calls: results are read before the next call writes
         sizes = [
             max(len(node.args), len(node.value.outputs))
             for node in nodes
@@ -220,6 +223,7 @@ class Writer:
             lines = self.functions[id(function)] = list[str]()
             inner = Writer(self.lanes, lines, {}, self.intrinsics, self.functions)
             name = f"@shared{len(self.functions)}"
+            # inlined the code would be written as often as it is called
             inner.do(
                 f"define internal void {name}(ptr noalias %numbers) noinline {{\nentry:"
             )
@@ -243,6 +247,7 @@ class Writer:
         """Write assembly of the condition (i1) that any SIMD lane needs another
         iteration; returns its name.
         """
+        # a number of rounds, whole but for its type: above 0.5 it is at least 1
         return self._any(
             self.emit(
                 f"fcmp ogt {self.lanes.vector} {left}, {self.lanes.constant(0.5)}"
@@ -322,6 +327,7 @@ class Writer:
                 self.intrinsic("maxnum", k, lanes.constant(-127.0)),
                 lanes.constant(128.0),
             )
+        # 1.5 times 2 to the fraction's bits: the sum has the integer in its low bits
         moved = self.emit(f"fadd {lanes.vector} {k}, {lanes.constant(magic)}")
         bits = self.emit(f"bitcast {lanes.vector} {moved} to {lanes.integer}")
         up = self.emit(f"shl {lanes.integer} {bits}, {lanes.integers(shift)}")
@@ -334,6 +340,7 @@ class Writer:
         """
         lanes = self.lanes
         shift, bias, field_mask = (23, 127, 0xFF) if lanes.single else (52, 1023, 0x7FF)
+        # the biased exponent of IEEE formats stands above the fraction
         bits = self.emit(f"bitcast {lanes.vector} {x} to {lanes.integer}")
         down = self.emit(f"lshr {lanes.integer} {bits}, {lanes.integers(shift)}")
         field = self.emit(f"and {lanes.integer} {down}, {lanes.integers(field_mask)}")
@@ -343,6 +350,7 @@ class Writer:
     def _mantissa(self, x: str) -> str:
         """Write assembly of the binary mantissa of a number; returns its name."""
         lanes = self.lanes
+        # sign and fraction are kept, under the exponent of 1.0
         keep, one = (
             (0x807FFFFF, 0x3F800000)
             if lanes.single

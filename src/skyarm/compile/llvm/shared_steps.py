@@ -180,6 +180,7 @@ class SharedSteps:
                         arguments[BEGIN:START] = [begin, min(begin + span, self._steps)]
                         self._machine.call(arguments)
 
+        # a whole needs another thread, which goes on where this one is interrupted
         shares = int(self._blocks * self._steps * pace / SHARED)
         threads = max(2 if whole else 1, min(self._most, len(groups), shares))
         if workers is None or threads == 1:
@@ -228,6 +229,7 @@ def slice_work(blocks: int, steps: int, pace: float, threads: int) -> tuple[int,
     """Number of blocks and steps per call of machine code, so that a call takes a few
     milliseconds.
     """
+    # one block's steps are cut evenly; blocks of few steps are taken together
     fit = max(1, int(SLICE / pace))
     if steps > fit:
         parts = -(-steps // fit)

@@ -29,6 +29,7 @@ def _exponent(x: Array) -> Array:
 
 def _power_of_two(k: Array) -> Array:
     """Power 2**k of each number k; NaN outside (-1100, 1100)."""
+    # exp halves its exponent, so that a sound k is far within; NaN is no integer
     sound = (k > -1100.0) & (k < 1100.0)
     return np.where(
         sound, np.ldexp(1.0, np.where(sound, k, 0.0).astype(np.int64)), np.nan

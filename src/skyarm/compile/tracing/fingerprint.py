@@ -55,6 +55,7 @@ def fingerprint(function: Callable[..., Any], *examples: Tree) -> dict[str, str]
         [graph.lift(value) for value in values.values() if isinstance(value, Node)]
     ):
         line = f"{node.op} {node.value!r} {[texts[arg.index] for arg in node.args]}"
+        # 128 bits: two different lines have the same digest by no chance
         texts[node.index] = hashlib.blake2b(line.encode(), digest_size=16).hexdigest()
     graph.close(lowered=True)
     return {at: text(value) for at, value in values.items()}

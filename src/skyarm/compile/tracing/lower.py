@@ -75,6 +75,7 @@ def live(outputs: Sequence[Node]) -> list[Node]:
     """List the operations that the outputs of a program depend on, in order of
     creation.
     """
+    # a list in place of recursion: programs are deeper than Python allows
     seen: dict[int, Node] = {}
     stack = list(outputs)
     while stack:
@@ -166,6 +167,7 @@ def repeat(
     if graph is not None and graph.loops and (count > 1 or until is not None):
         graph.loops = False
         try:
+            # traced once as a loop, which tells how many operations it has
             starts = [graph.lift(leaf) for leaf in leaves(record)]
             before = len(graph.nodes)
             slots = [graph.slot() for _ in starts]
@@ -291,6 +293,7 @@ def _alike(one: object, other: object) -> bool:
     """
     if type(one) is not type(other):
         return False
+    # by the text of floats: 0.0 is not -0.0, and NaN is NaN
     return (
         one is other
         or isinstance(one, Node)
@@ -315,6 +318,7 @@ def arrange(nodes: Iterable[Node]) -> list[tuple[Node, list[Node]]]:
             loop = node.value[1][0].value
             arranged.append((node, bodies.pop(loop, [])))
         else:
+            # what depends on a variable of a loop is inside it
             for arg in node.args:
                 if arg.index in inside:
                     loop = inside[node.index] = inside[arg.index]

@@ -135,6 +135,7 @@ def _loop(
     count, slots, until = block.value
     variables = ", ".join(f"v{slot.index}" for slot in slots)
     starts, ends = block.args[: len(slots)], block.args[len(slots) :]
+    # the comma makes a tuple of a single variable, too
     lines = [
         f"    {variables}, = {', '.join(map(name, starts))},",
         f"    for _ in range({count}):",

@@ -157,6 +157,7 @@ class Node:
 
     def __truediv__(self, other: Scalar) -> Scalar:
         """Add a division to the traced program."""
+        # exact, so that it folds; other integers divide as data
         if type(other) is int and other in (-1, 1):
             return self if other == 1 else -self
         return (
@@ -324,6 +325,7 @@ class Graph:
         """
         if x.op == "const" and y.op == "const":
             return self.constant(FOLD[op](x.value, y.value))
+        # sorted operands: a + b and b + a are one node
         if y.index < x.index and op in _COMMUTATIVE:
             x, y = y, x
         key = (op, x.index, y.index)
@@ -385,6 +387,7 @@ class Graph:
         ``until`` is the number of a slot: while it is at most 0.5 in every lane, at the
         start or later, further rounds change nothing and need not be made.
         """
+        # the key is unique: equal loops and calls are not merged
         self._loops_made += 1
         block = self._make(
             "repeat",
@@ -411,6 +414,7 @@ class Graph:
         each group.
         """
         args = tuple(self.lift(value) for group in groups for value in group)
+        # never merged, since a call may have effects
         value = (function, tuple(map(len, groups)))
         block = self._make("call", args, value, ("call", len(self.nodes)))
         return [self.result(block, k) for k in range(count)]

@@ -31,6 +31,7 @@ def rotors_follow(mixer: Mixer, squares: Sequence[Scalar]) -> Scalar:
     inside: Scalar = True
     for square, top in zip(squares, mixer.highest, strict=True):
         fits = logical_and(square >= 0.0, square <= top)
+        # True is structure: no operation for the first rotor
         inside = fits if inside is True else logical_and(inside, fits)
     return inside
 

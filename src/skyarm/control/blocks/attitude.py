@@ -170,6 +170,7 @@ def _quartic(t: Taylor) -> Taylor:
     slope = square * (3.0 - 2.0 * x)
     coefficients = [square * x * (1.0 - 0.5 * x), mul(slope, v)]
     if rest:
+        # a series has half of the second derivative
         coefficients.append(
             add(mul(slope, rest[0]), mul(3.0 * (x - square), mul(v, v)))
         )

@@ -42,6 +42,7 @@ def turn_towards(
     """Angular acceleration (rad/s^2, base axes) that turns body z towards ``up`` and
     the nose to the desired yaw.
     """
+    # gains of the attitude are on the base's own inertia
     return attitude_loop(
         par.gains,
         par.model.vehicle.base.inertia,

@@ -641,12 +641,14 @@ def filter_pose(
         fresh.quaternion,
         fresh.joints,
     )
+    # the first measurement is taken whole; a repeated reading corrects nothing
     moved, turned, bent = (where(started > 0.5, share * flag, 1.0) for flag in flags)
     position = memory.position + memory.velocity * dt
     quaternion = memory.quaternion * Quaternion.of_small_rotation(memory.rate * dt)
     joints = [
         q + qd * dt for q, qd in zip(memory.joints, memory.joint_rates, strict=True)
     ]
+    # q and -q are one attitude: the nearer of them is averaged
     measured = nearer_sign(measurement.quaternion, quaternion)
     off = Quaternion(*(m - c for m, c in zip(measured, quaternion, strict=True)))
     return FilteredPose(

@@ -119,6 +119,7 @@ def _after(
     jumped = _is_jump(
         (channel.rate, channel.acceleration), (rate, acceleration), period
     )
+    # jerk and snap take two samples before: more need not be counted
     count = where(
         logical_or(jumped, started < 0.5), 0.0, minimum(channel.count + 1.0, 2.0)
     )
@@ -197,6 +198,7 @@ def _series(channel: Channel, sample: Sample, age: Scalar, period: Scalar) -> Ta
     inverse = divide(1.0, period)
     first = (a - channel.before) * inverse
     second = (first - (channel.before - channel.earlier) * inverse) * inverse
+    # differences count once there are samples for them, and lag by half a period
     snap = where(channel.count > 1.5, second, 0.0)
     jerk = where(channel.count > 0.5, first, 0.0) + (0.5 * period) * snap
     # Horner, so that every derivative is consistent with the one before it

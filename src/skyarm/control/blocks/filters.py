@@ -93,6 +93,7 @@ def apply_butterworth(
     taps: Taps, value: Scalar, par: Butterworth
 ) -> tuple[Taps, Scalar]:
     """One Butterworth filter step: next filter state and output."""
+    # transposed direct form II: two numbers of memory
     out = par.b0 * value + taps.first
     return (
         Taps(

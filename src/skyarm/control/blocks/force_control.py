@@ -77,7 +77,7 @@ doors are slower, boxes faster."""
 
 PRESSED = 0.75
 """Threshold of the contact history flag above which the full contact force has been
-commanded."""
+commanded: amid its values of 0.5 for a touch and 1."""
 
 
 def interact(
@@ -146,6 +146,7 @@ def interact(
         wanted.grips,
     )
     # released, the order falls in proportion to the ramp: as slowly as it rose
+    # once the ramp has ended, its order is 0 too: 0 over 1e-9, no division by 0
     left = memory.order * divide(share, maximum(memory.share, 1e-9))
     order = where(asked, share * (wanted.force + integral), left)
     normal_force = n.dot(force)
@@ -160,6 +161,7 @@ def interact(
     free = where(logical_or(presses, memory.touching > 0.5), 0.0, memory.free + dt)
     engaged = where(presses, 1.0, 0.0)
     shift = normal_shift(gains, memory, asked, pressed, share, wanted.speed, dt, yields)
+    # found: half for a touch while the force still rises, whole at the full force
     after = replace(
         memory,
         touching=touching,
@@ -387,6 +389,7 @@ class Pressing:
         across = self.force - self.n * self.n.dot(self.force)
         joint_force = across * self.kept + self.n * self.order
         borne = joint_force + self.n * self.beyond
+        # the joints give the order; what is beyond it the base carries alone
         base = replace(
             now.disturbance(borne), efforts=now.disturbance(joint_force).efforts
         )

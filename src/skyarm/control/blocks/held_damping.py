@@ -127,6 +127,7 @@ def with_held_damping(model: Model, mobilities: Scalars, dt: Scalar) -> Model:
         if not same(mobility, 0):
             held = where(mobility > 0.0, held_damping(joint.damping, mobility, dt), 0.0)
             armature = add(joint.armature, held)
+            # no steeper than what stops the joint within the period
             rate = maximum(joint.coulomb_rate, mul(joint.coulomb, mobility * dt))
             joint = replace(joint, armature=armature, coulomb_rate=rate)
         links.append(replace(link, joint=joint))

@@ -53,6 +53,7 @@ class Past:
         rows = (squares, speeds, command.efforts)
         before = (self.squares, self.speeds, self.efforts)
         squares, speeds, efforts = (
+            # the newest comes last, and the oldest falls out
             (*old[1:], tuple(map(data, new)))
             for old, new in zip(before, rows, strict=True)
         )
@@ -90,6 +91,7 @@ class Past:
         """Share (0 to 1) of each past control period, newest first, that lies within
         the last ``age`` periods.
         """
+        # how long each period, newest first, lies within the last age ones
         return [
             minimum(maximum(sub(age, float(k)), 0.0), 1.0)
             for k in range(len(self.squares))

@@ -181,6 +181,7 @@ def reference_drag(
     ``sideways``: the law itself commands thrust across body z; ``moving``: False takes
     the derivatives as zero.
     """
+    # linear in the velocity: its matrix from three unit velocities
     R, speeds = state.rotation, state.rotor_speeds
     drag = Mat3.columns(
         *(

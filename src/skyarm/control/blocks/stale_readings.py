@@ -120,6 +120,7 @@ class ReadingSums:
             name: _is_new(getattr(self, name), getattr(now, name), rate)
             for name, rate in rows
         }
+        # one repeated quantity is enough for the age to grow
         share: Scalar = 1.0
         for name in MOTION:
             share = mul(share, flags[name])

@@ -157,6 +157,7 @@ class LeastSquares:
         """
         for i, c in enumerate(columns):
             self.b[i] = add(self.b[i], mul(weight, _product(c, value)))
+            # the lower triangle, which is all that ldl_solve reads
             for j, d in enumerate(columns[: i + 1]):
                 self.A[i][j] = add(self.A[i][j], mul(weight, _product(c, d)))
 

@@ -190,6 +190,7 @@ def force_by_euler_rates(
     Q, inverse = rate_matrix(phi, theta), rate_matrix_inverse(phi, theta)
     rates = inverse.apply(measurement.rate)
     turning = rate_matrix_rate(phi, theta, rates).apply(rates)
+    # Q Q^-1 is 1 but for rounding and at its pole: the way of the paper
     alpha = Q.apply(inverse.apply(base.angular - turning))
     if par.terms.coriolis:
         alpha = alpha + turning

@@ -161,6 +161,7 @@ def observe_contact(
         free,
         dt,
     )
+    # from the number itself, so that the 1 is of its kind: array, symbol or dual
     after = replace(memory, started=memory.started * 0.0 + 1.0, observed=observed)
     if not reference.push:
         return after, None

@@ -78,6 +78,7 @@ def units_of(joint: Joint, vehicle: Vehicle) -> str:
     """Text with a joint's kind, position unit and command unit."""
     slides = not joint.turns
     drive = drives_of(vehicle).get(joint.name, TORQUE_DRIVE)
+    # of "rad or m" the first is for turning joints, the last for sliding ones
     takes = drive.takes.split(" or ")[-1 if slides else 0]
     if drive is not TORQUE_DRIVE:
         takes = f"setpoint of its {type(drive).__name__}" + (
@@ -427,6 +428,7 @@ def _reference_inputs(par: Dataclass, joints: int) -> dict[str, Any]:
     """Reference fields that the law uses in addition to the motion (contact, load,
     preview, team), as placeholders.
     """
+    # force, speed, normal, grip, pivot and axis: as many as there may be
     return {
         "push": (0.0,) * 12 if presses(par) else (),
         "load": (0.0,) if learns_load(par) else (),
@@ -517,6 +519,7 @@ def _on_torque(controller: Controller) -> Units:
     recovery.joint_gains.
     """
     deep = [("inner",) * layers for layers in range(MOST_LAYERS + 1)]
+    # the recovery is a PD law on torque, whatever it protects
     places = [(*place, "recovery", "joint_gains") for place in deep]
     if controller.name.removeprefix("guarded_") in ("decoupled_pd", "admittance_pd"):
         places += [(*place, "joint_gains") for place in deep]

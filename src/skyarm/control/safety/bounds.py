@@ -374,6 +374,7 @@ def _within_barrier(
         square = k * k
         above = sub(sub(joint.upper, margin), q)
         below = sub(add(joint.lower, margin), q)
+        # ends of the range by a double pole k, the speed limit by a pole 4 k
         top = minimum(sub(mul(square, above), damp), mul(4.0 * k, sub(speed, rate)))
         bottom = maximum(
             sub(mul(square, below), damp), mul(4.0 * k, sub(0.0 - speed, rate))

@@ -35,7 +35,8 @@ law's own limits."""
 
 SETTLING = 40
 """Number of answers after which motor speeds have settled at the commands; a law that
-inverts their lag then commands its desired speeds."""
+inverts their lag then commands its desired speeds. With 400 the stiffness of every
+shipped law is the same to six digits."""
 
 PERIOD = 0.005
 """Control period (s) of the stiffness test; a law's stiffness hardly depends on it."""
@@ -80,6 +81,7 @@ def _thrust(controller: Controller, position: float, velocity: float) -> float:
     velocity errors.
     """
     model, memory = controller.par.model, controller.memory
+    # as it answers in flight, after a gentle start
     if hasattr(own := innermost(memory), "after_start"):
         memory = with_innermost(memory, own.after_start())
     vehicle, joints = model.vehicle, model.vehicle.zeros
@@ -452,6 +454,7 @@ def limits_for(controller: Controller, **given: Any) -> Limits:
     for i, (margin, link) in enumerate(
         zip(limits.joint_margin, vehicle.links, strict=True)
     ):
+        # references keep twice the margin from either end
         if not 4.0 * margin <= float(link.joint.upper) - float(link.joint.lower):
             raise ControllerError(
                 f"safety.joint_margin[{i}] = {margin!r}: must be at most a quarter of"

@@ -236,6 +236,7 @@ def arbitrate(
     arm = choose_each(before, memory.arm, measurement.joints)
     hovering = _hold_reference(par, measurement, hold, yaw, arm, dt)
     rescue = recover(par.recovery, par.model, par.mixer, measurement, hovering)
+    # from the number itself, so that the 1 is of its kind: array, symbol or dual
     return SafetyMemory(
         inner=memory.inner,
         started=memory.started * 0.0 + 1.0,
@@ -318,6 +319,7 @@ def limit_command(
         limits.effort_slew,
         dt,
     )
+    # what is not finite is not sent: it stays as it was sent last
     return rebuild(
         memory.sent,
         (

@@ -64,6 +64,7 @@ def hover_trim(vehicle: Vehicle, joints: Scalars, gravity: Scalar) -> HoverTrim:
 
 def highest_thrust(vehicle: Vehicle) -> Scalar:
     """Thrust along body z with every rotor at its highest speed, N."""
+    # backwards a reversible rotor whose axis points down pushes up
     total: Scalar = sum(
         (absolute(r.axis.z) if r.reversible else r.axis.z)
         * r.thrust_coefficient

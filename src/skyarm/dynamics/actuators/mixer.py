@@ -117,6 +117,7 @@ def nearest_yaw(bounds: Sequence[Bound], thrust: Scalar, yaw: Scalar) -> Scalar:
     """Yaw torque (N m) nearest to the demanded one within all bounds at a given
     thrust.
     """
+    # all bounds hold at one yaw torque at least, so that their order does not matter
     for each in bounds:
         moved = mul(each.slope, thrust)
         yaw = minimum(maximum(yaw, add(each.low, moved)), add(each.high, moved))
@@ -203,6 +204,7 @@ def allocation_matrix(vehicle: Vehicle, sideways: bool = False) -> list[list[Sca
     columns = []
     for rotor in vehicle.rotors:
         force = rotor.axis * rotor.thrust_coefficient
+        # the drag of a rotor turns the body against its direction
         drag = rotor.axis * mul(
             mul(-rotor.direction, rotor.moment_coefficient), rotor.thrust_coefficient
         )
@@ -294,6 +296,7 @@ def _require_rank(vehicle: Vehicle, A: list[list[Scalar]]) -> None:
     # rows are scaled to unit length, because torque and thrust have different units
     lengths = np.linalg.norm(matrix, axis=1, keepdims=True)
     scaled = matrix / np.where(lengths > 0.0, lengths, 1.0)
+    # 1e-6: far above rounding, far below the share of any real rotor
     rank = int(np.linalg.matrix_rank(scaled, tol=1e-6))
     if rank < len(A):
         # an axis is lost where the others' rows span its own
@@ -350,6 +353,7 @@ def mix(
     if mixer.across:
         side = [inner_product(row, [across.x, across.y]) for row in mixer.across]
         allowed = _with_side(mixer, raw, allowed, side)
+    # below 0 without priorities, or by rounding: a rotor cannot give it and stops
     return tuple(sqrt(maximum(value, 0.0)) for value in allowed), raw
 
 

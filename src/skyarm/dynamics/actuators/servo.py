@@ -270,6 +270,7 @@ class Servo(Drive):
     ) -> ServoMemory:
         """Steady state of a servo for a constant setpoint."""
         waiting = (setpoint,) * len(memory.waiting)
+        # no load is known: an integral would stand for one
         return ServoMemory(
             goal=self._loop_setpoint(setpoint),
             integral=0.0,
@@ -537,6 +538,7 @@ class VelocityServo(Servo):
         dt: float,
     ) -> Scalar:
         """Setpoint by which the velocity loop gives a desired torque or force."""
+        # the integral grows by this error, too, before the effort acts
         return rate + divide(
             effort - self.integral * memory.integral,
             add(self.gain, mul(self.integral, dt)),

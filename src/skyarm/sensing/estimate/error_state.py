@@ -275,6 +275,7 @@ def level_attitude(specific_force: Vec3, heading: Scalar) -> Quaternion:
     heading (rad).
     """
     f = specific_force
+    # a quaternion has half the angles
     roll = 0.5 * atan2(f.y, f.z)
     pitch = 0.5 * atan2(neg(f.x), sqrt(f.y * f.y + f.z * f.z))
     yaw = 0.5 * heading

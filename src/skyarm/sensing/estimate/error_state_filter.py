@@ -108,6 +108,7 @@ class ErrorStateFilter(FilterNumbers):
         """Initial filter state with the initial covariance; the first readings
         initialise the estimate.
         """
+        # the present, and the periods by which the filter lags behind it
         still, waiting = (0.0,) * vehicle.n, self.delay_periods + 1
         zero = Vec3(0.0, 0.0, 0.0)
         return FilterMemory(
@@ -126,6 +127,7 @@ class ErrorStateFilter(FilterNumbers):
             taken=0.0,
             refused=0.0,
             surprise=0.0,
+            # without a lever no turning is needed: structure, which folds away
             slow_rate=ZERO3 if at_origin(self.lever) else zero,
         )
 
@@ -157,6 +159,7 @@ class ErrorStateFilter(FilterNumbers):
         present = replace(memory, belief=belief, joints=joints)
         now = replace(
             self._advance_rotors(present, imu, command, started, dt),
+            # 1 of the memory's own kind: of an array or a traced number, too
             started=memory.started * 0.0 + 1.0,
             inertial=(*before[1:], imu),
             aiding=tuple(
@@ -305,6 +308,7 @@ class ErrorStateFilter(FilterNumbers):
             )
         joints, rates = memory.joints.joints, memory.joints.rates
         if joints:
+            # without a bandwidth joints are as the encoders read them
             read = self.joint_bandwidth <= 0.0
             joints = tuple(
                 where(read, a, b) for a, b in zip(encoders.joints, joints, strict=True)
@@ -356,6 +360,7 @@ def _apply_innovations(
     """
     error: list[Scalar] = [0] * len(P)
     surprise: Scalar = 0
+    # all scalars first, then all or none: an outlier in one refuses the reading
     after = P
     for row in rows:
         after, error, part = update_by_scalar(

@@ -482,6 +482,7 @@ class FilterNumbers(Estimator):
 
     def first_covariance(self) -> Covariance:
         """Initial covariance of the error state."""
+        # a pose tells tilt and heading alike; else the accelerometer levels the base
         tilt, heading = self.attitude, self.attitude
         if self.aiding != "pose":
             tilt = self.first_tilt
@@ -510,6 +511,7 @@ class FilterNumbers(Estimator):
                 else self.start_heading
             )
             attitude = level_attitude(imu.specific_force, heading)
+        # the belief is that of the inertial unit's place
         place = arrived[0].position + attitude.rotation().apply(self.lever)
         return replace(blank, position=place, quaternion=attitude)
 

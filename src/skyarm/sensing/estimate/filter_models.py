@@ -83,6 +83,7 @@ def filter_joints(
         inertial: s, instant of the inertial unit's last reading that has arrived.
         dt: period, s.
     """
+    # 1e-5 s: longer than rounding of clocks, shorter than any period
     silent = logical_and(started, inertial - memory.heard < 1e-5)
     now = where(silent, memory.now + dt, inertial)
     since = reading.time - memory.read

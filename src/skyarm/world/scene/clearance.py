@@ -52,7 +52,7 @@ parallel."""
 
 ROUNDS = 5
 """Secant and bisection steps to the nearest point of a cylinder, between the points
-where its faces change."""
+where its faces change: within 0.2 mm for segments of about a metre (1500 drawn)."""
 
 
 STEPS = 12
@@ -178,6 +178,7 @@ class Clearances:
                 rows.append(surface_distance(outside[pair.volume], pair.surface, time))
             else:
                 row = pair_distance(own[pair.volume], own[pair.other])
+                # pairs that touch at rest never count: in a batch each lane decides
                 rows.append(
                     row
                     if concrete(pair.rest)
@@ -234,6 +235,7 @@ def volumes(vehicle: Vehicle) -> list[Volume]:
     made = [Volume("hull", BASE, (ZERO3,), flat * reach, (wide - flat) * reach, E_Z)]
     for rotor in vehicle.rotors:
         hub = rotor.position
+        # as thick as they are drawn
         rim = 0.01 * reach
         made.append(Volume(f"boom/{rotor.name}", BASE, (ZERO3, hub), 0.03 * reach))
         made.append(
@@ -252,6 +254,7 @@ def volumes(vehicle: Vehicle) -> list[Volume]:
         ]
     for body, name in enumerate(names, BASE):
         made += [
+            # as thick as they are drawn
             Volume(f"{name}/{to}", body, (ZERO3, end), 0.04 * reach)
             for to, end in rod_ends(vehicle, body)
         ]
@@ -293,6 +296,7 @@ def pair_distance(a: Volume, b: Volume) -> Scalar:
     way = a.points[-1] - a.points[0]
     other = b.points[-1] - b.points[0]
     middle = b.points[0]
+    # as values: where the nearest points lie changes nothing to first order
     start, along = _values(a.points[0] - middle), _values(way)
     if absent(b.disc):
         s, t = _nearest_shares(start, along, _values(other))
@@ -392,6 +396,7 @@ def _least(
 
 def _crossings(start: Scalar, way: Scalar, half: Scalar) -> list[Scalar]:
     """Shares of a length at which a coordinate is at either end of -half ... half."""
+    # parallel to a face it is far off; clipped, it is an end of the length
     inverse = divide(1.0, where(absolute(way) > 1e-12, way, 1e-12))
     return [(half - start) * inverse, (-half - start) * inverse]
 
@@ -405,6 +410,7 @@ def _outside_box(p: Vec3, half: Sequence[Scalar]) -> Vec3:
 
 def _from_box(half: tuple[Scalar, ...], start: Vec3, way: Vec3) -> Scalar:
     """Signed distance (m) of a segment from a box in its middle."""
+    # from values alone: where the nearest point lies changes nothing to first order
     record = _values(start), _values(way), half
     free, share, normal, inside = compiled_once(
         "nearest to box", _nearest_to_box, record
@@ -568,6 +574,7 @@ def _nearest_to_cylinder(record: tuple[Vec3, Vec3, Vec3, Scalar, Scalar]) -> Sca
         return where(maximum(side, end) > 0.0, rise, inward)
 
     root = sqrt(maximum(b * b - a * (c - radius * radius), 0.0) + _TINY)
+    # a ring without height has one crossing with its plane, not two
     breaks = [
         *_crossings(along, climb, half)[absent(half) :],
         *(divide(each - b, a + _TINY) for each in (root, -root)),

@@ -170,6 +170,7 @@ def mesh_of(shape: Shape, around: int = AROUND) -> tuple[Array, IntArray]:
     """
     own = own_mesh(shape)
     size = shape.size
+    # a quarter of a circle, from the lower pole to the equator
     arc = [
         (math.sin(a), -math.cos(a))
         for a in np.linspace(0.0, 0.5 * math.pi, around // 4 + 1)

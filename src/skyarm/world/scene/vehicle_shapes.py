@@ -54,6 +54,7 @@ def vehicle_shapes(vehicle: Vehicle, *, meshes: bool = True) -> tuple[Shape, ...
         meshes: whether links are drawn as the meshes that their file names, where these
             are there, or as shapes that touch.
     """
+    # sizes are shares of it, chosen by eye
     reach = longest_boom(vehicle)
     looks = enumerate(vehicle.looks if meshes else ())
     drawn = [
@@ -148,6 +149,7 @@ def boom_and_disc(vehicle: Vehicle) -> tuple[Scalar, Scalar]:
     for hub in hubs:
         longest = maximum(longest, hub.norm())
     longest = where(longest > 0.0, longest, LEAST_REACH)
+    # 0.45 of the way to the next hub: discs stay apart
     radius: Scalar = 0.5 * longest
     for apart in ((a - b).norm() for i, a in enumerate(hubs) for b in hubs[:i]):
         # coaxial pairs are closer than their discs are wide
@@ -160,6 +162,7 @@ def _rotor_shapes(vehicle: Vehicle, reach: float) -> list[Shape]:
     radius = rotor_radius(vehicle)
     for rotor in vehicle.rotors:
         hub = floats(rotor.position)
+        # a hub in the middle needs no boom
         if math.hypot(*hub) > 1e-6:
             shapes.append(
                 shape_between(
@@ -273,6 +276,7 @@ def _program(vehicle: Vehicle) -> Program:
         rows = [(*chain.from_iterable(R.rows), *p) for R, p in bodies]
         return (*chain.from_iterable(rows), *tip)
 
+    # any numbers: of the examples a trace keeps the kinds alone
     return trace(
         poses, Vec3(0.1, 0.2, 0.3), Quaternion(0.9, 0.1, 0.2, 0.3), (0.1,) * vehicle.n
     )

@@ -105,6 +105,7 @@ class LeaderFollower(Sharing):
         carries = []
         pulls = self.along(self.desired_tensions(inputs.time), arms)
         masses = self.masses_moved(share)
+        # D / 2 M, the bandwidth of a body that is critically damped
         settling = divide(0.5 * self.damping, self.virtual_mass)
         rows = zip(
             self.members,

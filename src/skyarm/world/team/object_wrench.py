@@ -564,6 +564,7 @@ class ObjectWrench(Sharing):
         """Time (s) between two messages of a member; 0: it sends one in every control
         period.
         """
+        # both branches are evaluated: no division by a rate of 0
         return (
             0.0
             if absent(self.rate)
@@ -621,7 +622,9 @@ class ObjectWrench(Sharing):
         """
         force, moment = weight_of(self, desired, inputs.gravity)
         loads = self.shares(force, moment, arms)
+        # large and finite: members without limits still have a finite ratio
         endless = [SLACK / SMALL] * len(arms)
+        # SLACK in both: of a member without a load the ratio is above 1
         ratios = [
             divide(limit + SLACK, sqrt(load.dot(load)) + SLACK)
             for limit, load in zip(inputs.limits or endless, loads, strict=True)
@@ -647,6 +650,7 @@ class ObjectWrench(Sharing):
         """
         since = own.since + dt
         interval = self._interval
+        # the time since is a sum of periods, which rounds
         now = (
             1.0
             if absent(self.rate)

@@ -309,6 +309,7 @@ class Team(VirtualMasses, Component[TeamMemory]):
             + self._hanging_arm(member, desired.R, sum(forces, ZERO3))
             + along
         )
+        # the base carries its hook level, turned by the heading alone
         if vehicle.end_effector and not vehicle.n:
             heading = path.yaw.derivatives(t)[0]
             hook = vehicle.frame().position
@@ -382,6 +383,7 @@ class Team(VirtualMasses, Component[TeamMemory]):
         period.
         """
         pose = (self.position_noise, self.attitude_noise)
+        # rates are drawn behind the pose, whose numbers are then drawn in any case
         rates = (self.velocity_noise, self.rate_noise)
         if not all(map(coerce.absent, rates)):
             return 12
@@ -409,6 +411,7 @@ class Team(VirtualMasses, Component[TeamMemory]):
         place, turn, *rates = (
             Vec3(*numbers[i : i + 3]) for i in range(0, len(numbers), 3)
         )
+        # world axes: the error turns the measured attitude from the left
         off = Quaternion.of_rotation_vector(turn * self.attitude_noise).rotation()
         velocity, turning = rates or (ZERO3, ZERO3)
         return CarriedFrame(
@@ -441,6 +444,7 @@ class Team(VirtualMasses, Component[TeamMemory]):
             still = CarriedFrame(
                 position=begin.position, rotation=begin.R, velocity=ZERO3, turning=ZERO3
             )
+            # require_members found whole periods; round takes off the rounding
             seen = (as_data(still),) * round(self.pose_age / period)
         return TeamMemory(
             own=self.first(period),
@@ -688,6 +692,7 @@ def load_fraction(motion: PoseTrajectory, t: Scalar, rise: Scalar) -> Scalar:
     """
     up, down = (
         clip(divide(t - begin, rise), 0.0, 1.0)
+        # at the lift all of it is borne, and from the stop on it is set down
         for begin in (motion.lift - rise, motion.stop)
     )
     return _smooth(up) * (1.0 - _smooth(down))

@@ -91,6 +91,7 @@ class Member:
                 Sum(
                     (
                         Constant(a),
+                        # nonic: laws take four continuous derivatives of a tip's path
                         Ramp(start=take, duration=1.0, height=b - a, shape="nonic"),
                     )
                 )
@@ -149,6 +150,7 @@ class VirtualMasses:
         A: list[list[Scalar]] = [[0.0] * len(pairs) for _ in pairs]
         for a, (i, j) in enumerate(pairs):
             for b, (k, m) in enumerate(pairs):
+                # a pull acts on both grasps of a pair, with opposite signs
                 sign = float((i == k) + (j == m) - (i == m) - (j == k))
                 # grasps on one line have no unique pulls: SMALL selects the least ones
                 A[a][b] = lines[a].dot(lines[b]) * sign + (SMALL if a == b else 0.0)
@@ -223,6 +225,7 @@ class VirtualMasses:
         """
         relative = self.from_middle(arms)
         whole = self.per_mass
+        # arms[0] - relative[0] is the middle of the virtual masses from the body's
         turning = Vec3(
             *ldl_solve(
                 self.moments(relative),
@@ -246,6 +249,7 @@ class VirtualMasses:
         """
         relative = self.from_middle(arms)
         turn = self._turn(relative, shifts)
+        # arms[0] - relative[0] is the middle of the virtual masses from the body's
         return self._mean(shifts) - turn.cross(arms[0] - relative[0]), turn
 
     def moments(self, relative: Sequence[Vec3]) -> list[list[Scalar]]:

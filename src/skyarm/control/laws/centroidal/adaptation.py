@@ -526,6 +526,7 @@ def felt_load(vehicle: Vehicle, measurement: Measurement, proper: Vec3) -> Scala
     axes.
     """
     at = levers(vehicle, measurement.rotation, measurement.joints)
+    # by d'Alembert a mass pushes against its acceleration
     pull = -at.R.apply_T(proper)
     return tuple(column.dot(pull) for column in at.columns)
 

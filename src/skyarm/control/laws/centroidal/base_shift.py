@@ -75,6 +75,7 @@ STEEP = 0.75
 """Upper bound of the squared sine of a tilt, that of 60 degrees, chosen: the secant is
 2 there, and has no bound beyond."""
 
+# under a root, so that equal moments leave no 0 / 0
 TINY = 1e-9
 
 
@@ -167,6 +168,7 @@ class TiltShares:
         compensate at a heading (rad).
         """
         ahead, aside = cos(yaw), sin(yaw)
+        # shares are a tensor of second order: it turns by the double angle
         c, s = ahead * ahead - aside * aside, 2.0 * ahead * aside
         x, y = c * self.x - s * self.y, s * self.x + c * self.y
         across, along = (
@@ -212,6 +214,7 @@ def tilt_shares(
         for column, turn in zip(columns, still, strict=True):
             way = way + column * turn
         ways.append(way)
+    # as a matrix: its mean, the two parts that turn with the axes, its skew
     (ahead, aside), half = ways, -0.5
     mean = ahead.x + aside.y
     x = ahead.x - aside.y
@@ -234,6 +237,7 @@ def _shares_of_moments(vehicle: Vehicle, level: Posture) -> TiltShares:
         xx, xy, yy = xx + axis.x * axis.x, xy + axis.x * axis.y, yy + axis.y * axis.y
     trace, off, twice = xx + yy, xx - yy, 2.0 * xy
     size = sqrt(off * off + twice * twice + TINY)
+    # damped least squares leave this much along each principal direction
     along, across = (
         divide(HELD, maximum(0.5 * moment, 0.0) + HELD)
         for moment in (trace - size, trace + size)
@@ -317,6 +321,7 @@ def bounded_sweep(
         h = then.time - now.time
         pace = divide(2.0 * thrusts[i], sizes[i] + sizes[i + 1])
         z = pace * (h * h)
+        # cosh and sinh of h sqrt(pace) by series: no root, no division by one near 0
         cosh = 1.0 + z * (0.5 + z * (1.0 / 24.0 + z / 720.0))
         sinh = h * (1.0 + z * (1.0 / 6.0 + z * (1.0 / 120.0 + z / 5040.0)))
         left = divide(1.0, cosh + b * sinh)

@@ -177,6 +177,7 @@ def _attraction(par: CentroidalParameters, errors: list[Vec3]) -> Vec3:
         )
     )
     square = far.dot(far)
+    # three halvings of the exponent: the power -1/8
     left = inverse_root(square * square + 1.0, 3)
     return kp.hadamard(derivative(error * left, len(errors) - 1))
 
@@ -207,6 +208,7 @@ downwards."""
 MEAN = 1.0
 """Bandwidth (rad/s) of the filter for the slow mean of the centre of mass."""
 
+# least divisor, of gains that are 0
 SMALL = 1e-9
 
 

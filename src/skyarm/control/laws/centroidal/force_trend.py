@@ -89,6 +89,7 @@ class TrendGains(OptionalPart):
         """
         chain = (ZERO3_DATA,) * STAGES
         # large at first, so that a few chance agreements do not make a slope
+        # (a quarter of the square of the steepest rate: a choice)
         size = 0.25 * self.steep * self.steep
         return ForceTrend(
             level=ZERO3_DATA,
@@ -144,6 +145,7 @@ def update_trend(
     b = exp(-(gains.bandwidth * dt))
     ahead = memory.level + memory.rate * dt
     miss = force - ahead
+    # both poles of the filter at b: critically damped
     level = ahead + miss * (1.0 - b * b)
     rate = memory.rate + miss * divide((1.0 - b) * (1.0 - b), dt)
     share = 1.0 - exp(-divide(STAGES * dt, gains.horizon))

@@ -440,6 +440,7 @@ def delay_share(memory: LagMemory) -> Scalar:
 def weigh(bank: Bank) -> list[Scalar]:
     """Weight of each candidate lag, its likelihood up to a common factor."""
     least = reduce(minimum, bank.paid)
+    # 1 / (1 + x / 8)^8 for exp(-x), x from the likeliest lag on
     inverse = divide(0.125 * SHARPNESS, least + PRIOR)
     start = 1.0 - least * inverse
     weights = []

@@ -123,6 +123,7 @@ class CentroidalMemory:
         lag = self.parts.lag
         if not lag:
             return self
+        # a count without end is past every start
         return replace(
             self,
             parts=replace(self.parts, lag=replace(lag, count=float("inf"))),
@@ -202,6 +203,7 @@ def centroidal(
             free[1:],
         )
         observed = observed.without(over)
+    # from the number itself, so that the 1 is of its kind: array, symbol or dual
     following = CentroidalMemory(
         started=memory.started * 0.0 + 1.0,
         age=age,
@@ -273,6 +275,7 @@ def planned_center(held: Scalars, age: Scalar) -> list[Vec3]:
     after its sample; empty without.
     """
     rows = [Vec3(*held[k : k + 3]) for k in range(0, len(held), 3)]
+    # powers of the age over factorials, one from the other
     terms: list[Scalar] = [1]
     for power in range(1, len(rows)):
         terms.append(mul(terms[-1], age) * (1.0 / power))

@@ -270,6 +270,7 @@ def _mixer(vehicle: Vehicle, sideways: bool) -> Mixer:
     except AllocationError as error:
         if sideways:
             raise ControllerError(f"controller.sideways: {error}") from None
+        # rotors that priorities do not fit are clipped
         return make_mixer(vehicle)
 
 
@@ -291,6 +292,7 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
         sent=standing,
         past=first_past(
             standing,
+            # the lag estimate reads further back than the known delay
             delay_periods + 1 + (len(parts["lag"].past) if "lag" in parts else 0),
         ),
         applied=all_applied(vehicle.n),

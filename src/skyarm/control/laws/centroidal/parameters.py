@@ -51,7 +51,7 @@ denser where they count more."""
 
 LATEST = 0.02
 """Command delay (s), known and estimated, from which the joints are no longer
-braced."""
+braced: with 20 ms braces lost the loop in upward wind, 154 mm off instead of 51."""
 
 BRACES, QUICKER = (0.05, 9.0, 3.2), (0.15, 3.0, 2.0)
 """Upward force over the weight from which the joints' damping grows, its growth with

@@ -108,6 +108,7 @@ def actuate(
     late = arm.accelerations(missing)
     torque = torque - arm.torque(late)
     desired, squares = mix(par.mixer, torque, demand.thrust, demand.across)
+    # at a limit rotors give another wrench: trim and observer must not learn it
     inside: Scalar = demand.thrust > 0.0
     for square, highest in zip(squares, par.mixer.highest, strict=True):
         inside = logical_and(inside, logical_and(square > 0.0, square < highest))

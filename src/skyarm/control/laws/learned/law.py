@@ -265,6 +265,7 @@ def features(
     m, R = measurement, measurement.rotation
     new = history.started < 0.5
     pairs = zip(_velocities(m), history.motion, strict=True)
+    # what a low pass has still to go, times its rate, is a filtered derivative
     rises = [where(new, 0.0, HISTORY * (x - filtered)) for x, filtered in pairs]
     return (
         *R.apply_T(m.velocity),

@@ -56,7 +56,8 @@ FLOOR = 0.4
 """Smallest vertical force of the substitute law over the vehicle's weight."""
 
 LEAN = 0.7
-"""Tangent of the largest tilt of the substitute law: 35 degrees."""
+"""Tangent of the largest tilt of the substitute law: 35 degrees, at which a hover takes
+1.22 times its thrust. One that leans further may not climb as well."""
 
 TURN = 0.5
 """Largest heading error (rad) of the substitute law; a larger one is clipped."""
@@ -103,6 +104,7 @@ def worst_cost(weights: Weights, mode: str, joints: int, horizon: float) -> floa
     errors += [float(weights.joints) * WORST["joints"]] * joints
     if mode != "joints":
         errors.append(float(weights.tool) * WORST["tool"])
+    # stages count by their time, the last one by its weight
     return (
         TIMES
         * (horizon + float(weights.final))

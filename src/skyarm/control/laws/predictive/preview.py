@@ -242,6 +242,7 @@ def _hermite(orders: int) -> Array:
     coefficients of their polynomial.
     """
     rows = [(at, d) for at in (0.0, 1.0) for d in range(orders)]
+    # d-th derivative of t^i; perm is 0 where there is none, whatever the power
     powers = [
         [math.perm(i, d) * at ** max(i - d, 0) for i in range(2 * orders)]
         for at, d in rows
@@ -262,6 +263,7 @@ def goals(motion: Array, shift: Array) -> Array:
         shift: (T, 3) of the base, m.
     """
     values, rates, accelerations = motion
+    # a stage's goal has the heading, and no rates of it
     parts = (
         values[:, :3],
         rates[:, :3],
@@ -287,6 +289,7 @@ def shift(vehicle: Vehicle, thrust: Vec3, yaw: Scalar, joints: Scalars) -> Vec3:
     leaning = desired_attitude(-thrust, yaw, Mat3.identity())
     up = leaning.apply_T(Vec3(0, 0, 1))
     arm = frame_pose(vehicle, frame, joints).p
+    # (up.y, -up.x, 0) is up x e_z, the axis of the lean times its sine
     bent = frame_pose(
         vehicle, frame, given_way(vehicle, joints, Vec3(up.y, -up.x, 0))
     ).p
@@ -303,4 +306,5 @@ def make_stance(model: Model, mode: str) -> Callable[[Array, Array], Array]:
     if mode != "tool" or not vehicle.end_effector:
         return lambda _thrusts, values: np.zeros((len(values), 3))
     compiled = Compiled(partial(shift, vehicle), ZERO3_DATA, 0.0, vehicle.zeros)
+    # behind the place: heading and joints
     return lambda thrusts, values: compiled(thrusts, values[:, 3:])

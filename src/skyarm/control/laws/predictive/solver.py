@@ -55,6 +55,7 @@ class Compiled(Generic[Result]):
         ) -> tuple[Tree, Result]:
             return carry, function(*row)
 
+        # a loop needs something to carry: one number that stays
         self.kernel = Kernel(
             trace_loop(step, (0.0,), (), examples), Lanes(1), logging=True
         )
@@ -64,6 +65,7 @@ class Compiled(Generic[Result]):
         flattened arguments at once.
         """
         rows = np.concatenate(parts, axis=-1)
+        # a carry of one number, and no parameters
         _, log = self.kernel.run(
             np.zeros((1, 1)), np.zeros((0, 1)), np.atleast_2d(rows)
         )
@@ -545,6 +547,7 @@ class Riccati:
         self.steps = steps
         self.bounds = bounds
         counted = np.append(steps, final)
+        # squares of residuals by roots of their times sum up to an integral
         self._roots = np.sqrt(counted)
         self._times = np.column_stack([np.append(steps, steps[-1]), counted])
 
@@ -616,6 +619,7 @@ class Riccati:
         )
         low = np.hstack([-speeds / dt, -efforts])
         high = np.hstack([(self.bounds.speeds - speeds) / dt, efforts])
+        # a guess beyond its limits may stay: no change is always within
         return np.minimum(low - guess.u, 0.0), np.maximum(high - guess.u, 0.0)
 
 

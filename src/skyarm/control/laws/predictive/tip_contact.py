@@ -121,6 +121,7 @@ class TipContact:
             unanswered = along + (pressing.force - along) * (1.0 - KEPT)
             free = observed + at.disturbance(unanswered * -pressing.engaged)
             pressed = free + at.disturbance(n * (pressing.order * pressing.engaged))
+            # once the ramp has ended, its order is 0 too: 0 over 1e-9, no division by 0
             left = divide(after.order, maximum(after.share, 1e-9))
             rising = where(desired.requests_contact, after.touching, 0.0)
             return after, ContactState(

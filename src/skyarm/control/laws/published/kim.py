@@ -144,6 +144,7 @@ def sliding_mode(
     """Sliding variable of one coordinate, and linear and switching part of its desired
     acceleration.
     """
+    # group: 0 of the position, 1 of the attitude, 2 of the joints
     slope, gain = sliding_rates(kp, kd)
     s = rate + slope * error
     push = par.switching[group] * tanh(divide(s, par.boundary[group]))

@@ -277,6 +277,7 @@ def predict_velocities(par: L1Parameters, memory: L1Memory, dt: Scalar) -> Scala
         memory.sigma,
         strict=True,
     )
+    # z + error is the prediction before
     return tuple(
         z + error + dt * (zd + sigma - a * error) for a, z, error, zd, sigma in rows
     )

@@ -146,6 +146,7 @@ def move(
     )
     offset = tuple(along_world(gains.axes, each) for each in zip(*motions, strict=True))
     offsets = [
+        # a mass that is structure holds its axis where it is
         data(x) if type(M) is int else row[0]
         for M, x, row in zip(gains.inertia, memory.offset, motions, strict=True)
     ]
@@ -418,6 +419,7 @@ def _compliance(fields: Fields, lead: float, axes: tuple[Vec3, ...]) -> Complian
     rows: list[Scalars] = []
     for each in ("mass", "damping", "stiffness"):
         rows.append(fields.vector(each))
+        # read once more, since a vector has three numbers and no lower bound
         fields.numbers(each, low=0.0)
     if not any(rows[0]):
         raise ValueError(
@@ -476,6 +478,7 @@ def _axes(normal: tuple[float, float, float], at: str) -> tuple[Vec3, ...]:
         raise ValueError(f"{at} = {shown(list(normal))}: must have a direction")
     n = Vec3(*(c / length for c in normal))
     level = math.hypot(n.x, n.y)
+    # a normal that is vertical has any horizontal tangent
     first = (
         Vec3(-n.y / level, n.x / level, 0.0) if level > 1e-6 else Vec3(1.0, 0.0, 0.0)
     )

@@ -482,6 +482,7 @@ def tip_wrench(
         rest: disturbance beyond its bias.
     """
     squares, frame = LeastSquares(6), held_at(vehicle)
+    # the base shows the force itself; a moment is only expected to be small
     squares.prefer(R.apply_T(rest.force), 1)
     squares.prefer((0, 0, 0), divide(1.0, moment * moment), 3)
     columns = jacobian_columns(vehicle, frame, joints, summed=True)

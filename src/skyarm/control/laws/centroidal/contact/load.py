@@ -388,6 +388,7 @@ class LoadGains(OptionalPart):
         inertia is m (l^2 + r^2), of which the model has m l^2: an observer that
         compensates all of it is unstable where the rest is ten times that.
         """
+        # fourth powers: near 1 for levers within bulk, near 0 beyond
         bulk = self.bulk * self.bulk * self.bulk * self.bulk
         loaded, shares = self.load_share(mass), list[Scalar]()
         for column, link in zip(

@@ -109,6 +109,7 @@ class SidewaysForce(RotorForce):
         axes = [vector_series(each[: order + 1]) for each in turning]
         x, y, z = (axis.dot(series) for axis in axes)
         side = gauge(self.reach, Vec3(x, y, z))
+        # shortened until the rotors' eighth powers sum up to 1
         share = 1.0 / _eighth_root(choose(side > 1.0, side, 1.0))
         x, y = x * share, y * share
         return derivative(axes[0] * x + axes[1] * y + axes[2] * z, order)
