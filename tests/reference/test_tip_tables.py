@@ -309,6 +309,34 @@ def test_the_fastest_motion_meets_a_limit_and_no_faster_one_does():
     assert snap(points, times) < snap(points, even)
 
 
+def test_the_thrust_turns_no_faster_where_the_motion_stops():
+    """The angular acceleration of the thrust's direction, by differences: it can be
+    the largest in the last instant, where the snap ends.
+    """
+    points = [
+        (-0.8, 0.4, -1.8),
+        (0.3, 0.8, 1.0),
+        (-1.9, -1.7, 1.2),
+        (1.5, 1.6, 0.2),
+    ]
+    limits = FlightLimits(
+        speed=1e3, acceleration=1e3, tilt=1.4, rate=1e3, spin=3.0, thrust=1e3
+    )
+    times = allocate(points, limits, 9.81)
+    motion, h = through(points, times), 1e-4
+
+    def up(t):
+        force = np.add([*motion.at(t).acceleration], [0.0, 0.0, 9.81])
+        return force / np.linalg.norm(force)
+
+    last = times[-1] - h
+    found = [
+        np.linalg.norm(up(t + h) - 2.0 * up(t) + up(t - h)) / h**2
+        for t in (*np.linspace(h, last, 300), last - h)
+    ]
+    assert 0.98 * limits.spin < max(found) < 1.02 * limits.spin
+
+
 def test_shares_of_many_points_have_the_bits_of_one_spline_after_the_other():
     """Costs of all changed shares at once, and from each spline alone; the times are
     found once.

@@ -190,10 +190,11 @@ def sample_derivatives(motion: Trajectory, times: Sequence[float]) -> list[Array
     """Velocity, acceleration, jerk and snap of a trajectory at many times, as four
     arrays (3, N).
     """
-    at = np.concatenate(
-        # a piece's end is the next one's beginning; at the last all but the snap is 0
-        [np.linspace(a, b, LOOKS, endpoint=False) for a, b in pairwise(times)]
-    )
+    # a piece's end is the next one's beginning; the last end holds still, but just
+    # before it the snap may be the largest of all
+    end = np.nextafter(times[-1], times[0])
+    pieces = [np.linspace(a, b, LOOKS, endpoint=False) for a, b in pairwise(times)]
+    at = np.concatenate([*pieces, [end]])
     rows = [signal.derivatives(at) for signal in (motion.x, motion.y, motion.z)]
     return [stack_values(len(at), [row[k] for row in rows]) for k in (1, 2, 3, 4)]
 
