@@ -500,11 +500,13 @@ def noises_of(before: WindowErrors, begins: BaseStates) -> tuple[Array, Array]:
     for turn in range(ROUNDS):
         errors, there, normal, reduced, states = _turn(before, states, noise, spread)
         noise = new_noise(before, errors, there, noise, normal, reduced.inverse)
+        # in the first turn the noise is that of the samples alone, not of residuals
         if turn:
             spread = new_spread(before, states, spread, reduced.inverse)
     own = np.isin(np.arange(len(noise)), before.windows.owners)
     measured = there.any(axis=(0, 1))
-    # flights to predict may have no window: their sensors are those of the fit
+    # flights to predict may have no window: their sensors are those of the fit; the
+    # least of these, as 1 stands where a flight lacks the sensor
     noise[np.ix_(~own, measured)] = noise[np.ix_(own, measured)].min(axis=0)
     return noise, spread
 
@@ -532,6 +534,7 @@ def end_of_past(
     """
     before = past_windows(loop, errors.windows, seconds)
     states = window_states(loop.begins(before.windows))
+    # noise and spread are known here, unlike in noises_of; two turns are chosen
     for _ in range(2):
         *_, states = _turn(before, states, noise, spread)
     begins = BaseStates(*(states.parts[name] for name in FIELDS))

@@ -488,6 +488,7 @@ def _gaps(flight: FlightData, inside: FlightData) -> Iterator[Found]:
             for name in names
         )
 
+    # three lines at most, which is chosen: a log may jump again and again
     for when, long in [
         each for each in gaps.get("gyro", []) if all_begin(each[0], every)
     ][:3]:

@@ -319,6 +319,7 @@ def fit_windows(
             reduced.inverse,
         )
         memory = new_memory(errors, left, there, noise) if lasting else None
+        # in the first turn the noise may be that of the samples alone, not of residuals
         if turn:
             spread = new_spread(errors, states, spread, reduced.inverse)
         settled = turn + 1 >= SOONEST and bool((sizes < SETTLED).all())

@@ -175,7 +175,8 @@ class Overrides:
                 with suppress(ScenarioError):
                     numbers[path] = number_at(parts, path)
         numbers |= self._measured_limits(scenario, numbers)
-        # loads add up, and sums depend on their order
+        # loads add up, and sums depend on their order; of two paths of one number the
+        # later counts
         if sum(is_added(parts, path) for path in numbers) <= 1:
             with suppress(ScenarioError):
                 require_apart(parts, tuple(numbers))
@@ -211,6 +212,7 @@ class Overrides:
         if not self.numbers or is_added(scenario, path) or path in dict(self.numbers):
             return path in dict(self.numbers)
         for own, _ in self.numbers:
+            # a path may name what a replaced part has no more
             with suppress(ScenarioError):
                 if means_the_same(scenario, own, path):
                     return True

@@ -1400,6 +1400,7 @@ def first_state(scenario: Scenario) -> State:
         else initial.joints
     )
     trim = trimmed_state(own.plant, start.position, data(start.yaw), joints)
+    # as stated fields are held: floats, and a quaternion of unit length
     return trim if initial is None else initial.completed(_as_data(trim))
 
 

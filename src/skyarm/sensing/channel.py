@@ -427,6 +427,7 @@ class ChannelSensor(Sensor):
     def _uniforms(self, quantities: Quantities) -> int:
         count = sum(channel.normals(len(truth)) for _, channel, truth in quantities)
         # normals are made of pairs of uniforms (Box, Muller), so their count is even
+        # for losses: a block of the generator gives two, of which the first is used
         return count + count % 2 + (2 if self.dropouts.random else 0)
 
     def start(self, vehicle: Vehicle) -> ChannelMemory:

@@ -212,6 +212,7 @@ class Kernel:
         padded = -(-lanes // width) * width
         c = self._pad("carry", carry, (self.loop.carry, lanes), padded)
         p = self._pad("parameters", parameters, (self.loop.parameters, lanes), padded)
+        # each row is a lane of the program ahead, whose log is what follows the row
         if self._ahead is not None:
             rows = np.hstack(
                 [rows, self._ahead.run(rows.T, rows.T[:0], rows[:1, :0])[1][0].T]

@@ -265,6 +265,7 @@ def hybrid_ct(
         _, command = hybrid_computed_torque((), measurement, reference, dt, par=par)
         return replace(after, sent=command), command
     reference = shift_base(reference, touch.pressing.n, touch.pressing.shift)
+    # the reference's base carries the desired tip as if it were level (tip_motion)
     tip = level_tip(par.model.vehicle, reference)
     gap = touch.pressing.n.dot(
         measurement.position + touch.at.R.apply(touch.at.tip) - tip

@@ -217,6 +217,7 @@ def angular_acceleration(
     if not vehicle.drives:
         none = Disturbance(force=ZERO3, torque=ZERO3, efforts=(0,) * vehicle.n)
         return acceleration(model, R, rate, joints, rates, applied, efforts, none)[1]
+    # as in free fall: weight accelerates every body alike, and turns none
     still = Motion(ZERO3, ZERO3)
     bias = dynamics.inverse_dynamics(
         vehicle, joints, rate, rates, still, reference.joint_accelerations

@@ -567,6 +567,7 @@ def _session(scenario: Scenario, paths: Sequence[str]) -> Session:
         return open_session(
             scenario, [path for path in paths if not path.startswith("sensors.")]
         )
+    # refused where a change names a number of the paths in another way
     with suppress(ScenarioError):
         return Session(scenario, tuple(dict.fromkeys((*paths, *scheduled))))
     return Session(scenario, paths)

@@ -181,6 +181,7 @@ class ContactSteps(TouchingBodies):
         force may still act where it leaves, and in a hole another wall may be in its
         way. What a gripper holds is near.
         """
+        # a grasp may act far from any surface: `calm` tells when its steps suffice
         if self.grasps:
             return False
         return self._apart(

@@ -144,6 +144,7 @@ class Surface:
         accept_fields(self, "surface")
         coerce.fold_zeros(self, "position", "angles")
         complete_shape("surface", self, RecordError, SHAPES)
+        # a plane is drawn where the vehicle is, so that a mesh would move along with it
         if self.mesh and self.shape in ("plane", "hole"):
             raise RecordError(
                 f"surface.mesh = {shown(self.mesh)}: must be left out of a {self.shape}"

@@ -473,6 +473,7 @@ def _in_row(
     """States of three low-pass filters in series: two at the band's upper edge, one at
     its lower edge.
     """
+    # differences make noise grow with frequency; beyond HIGH two low passes outweigh it
     states = []
     for old, edge in zip(before, (HIGH, HIGH, LOW), strict=True):
         share = running * low_pass_share(edge, dt)
@@ -483,6 +484,7 @@ def _in_row(
 
 def _band_pass(filtered: Sequence[Sequence[Scalar]]) -> Scalars:
     """Band-pass output: low-pass at the upper edge minus low-pass at the lower edge."""
+    # what passed HIGH twice, less its own low pass at LOW
     return differences(filtered[1], filtered[2])
 
 

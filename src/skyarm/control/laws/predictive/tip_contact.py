@@ -112,6 +112,7 @@ class TipContact:
             after, pressing = interact(
                 gains, memory, desired, observed, at, into, 0.0, dt
             )
+            # the reference's base carries the desired tip as if it were level
             arm = axis_rotation(E_Z, yaw).apply(
                 frame_pose(vehicle, vehicle.frame(), tuple(joints)).p
             )
