@@ -153,3 +153,16 @@ def test_a_change_and_an_adjustable_number_may_name_one_place_in_two_ways(
     wanted = skyarm.run(weaker).position
     assert np.array_equal(skyarm.Session(weaker, [other]).run().position, wanted)
     assert wanted[-1, 2] < skyarm.run(skyarm.scenario_from(tables)).position[-1, 2]
+
+
+@pytest.mark.parametrize("other", ["plant.payload.tip.mass", "plant.payload.mass"])
+def test_a_load_that_is_changed_may_have_two_names(other: str) -> None:
+    """A load scheduled by one name was lost beside an adjustable number by the other."""
+    tables = document("case1", duration=0.1)
+    path = "plant.payload.tip.mass"
+    heavier = skyarm.scenario_from(
+        {**tables, "changes": [{"at": 0.05, "path": path, "value": 0.1}]}
+    )
+    wanted = skyarm.run(heavier).position
+    assert np.array_equal(skyarm.Session(heavier, [other]).run().position, wanted)
+    assert wanted[-1, 2] < skyarm.run(skyarm.scenario_from(tables)).position[-1, 2]

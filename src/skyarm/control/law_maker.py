@@ -24,9 +24,9 @@ from skyarm.records.field_rules import rules
 from skyarm.records.files import errors_as, shown
 from skyarm.records.leaves import Tree
 
-# over the mass (kg) and base inertia (kg m^2) of the vehicle that flies with these
-# gains in the paper: another vehicle then gets the same accelerations per error
-# of the Hummingbird, over the mass (kg) that it has with the paper's arm
+# gains that the paper flies over the mass (kg) and base inertia (kg m^2) that its
+# vehicle has: another vehicle then gets the same accelerations per error. The mass is
+# that of the Hummingbird with the paper's arm
 RATIO_POSITION, RATIO_VELOCITY = 4.0 / 0.806, 2.2 / 0.806
 
 # over the moments of inertia (kg m^2) of its base

@@ -207,9 +207,9 @@ class Overrides:
 
     def holds(self, scenario: Scenario, path: str) -> bool:
         """True if the parameter at a path is overridden, also under another name, as
-        faults.0 for faults.front.
+        faults.0 for faults.front and payload.mass for the only payload's.
         """
-        if not self.numbers or is_added(scenario, path) or path in dict(self.numbers):
+        if not self.numbers or path in dict(self.numbers):
             return path in dict(self.numbers)
         for own, _ in self.numbers:
             # a path may name what a replaced part has no more
