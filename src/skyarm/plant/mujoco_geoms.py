@@ -105,7 +105,7 @@ class Geoms(Welds):
         count = len(contact.surfaces)
         shapes = []
         for own in contact.vehicle_bodies:
-            every = trees[own.agent][0].collisions
+            every = trees[own.agent][0].shapes
             geoms = [add(own.agent, own.body, every[i]) for i in own.shapes]
             shapes.append((geoms, contact.vehicle_material))
         rows = [(*skin, point, OF_A_POINT) for skin, point in product(skins, points)]

@@ -117,7 +117,7 @@ def _idle_components(scenario: Scenario) -> Iterator[str]:
 
 
 def _idle_shapes(scenario: Scenario) -> Iterator[str]:
-    if scenario.agent.vehicle.collisions and not scenario.worlds:
+    if scenario.agent.vehicle.shapes and not scenario.worlds:
         yield (
             "plant.vehicle: has shapes that touch nothing without a [world]; its"
             " surfaces?"

@@ -76,7 +76,7 @@ class VehicleBody:
 
     def parts(self, motion: PointMotion, material: Material) -> tuple[Part, ...]:
         """Shapes of the body in its axes."""
-        every = motion.of(self.agent).vehicle.collisions
+        every = motion.of(self.agent).vehicle.shapes
         return tuple(part_of_vehicle(every[i], material) for i in self.shapes)
 
 
@@ -167,7 +167,7 @@ def bodies_of(
         parents = [-2, *(link.parent for link in vehicle.moving)]
         links = {each.name: each.link for each in vehicle.frames}
         for body in range(BASE, len(vehicle.moving)):
-            own = [i for i, e in enumerate(vehicle.collisions) if e.link == body]
+            own = [i for i, e in enumerate(vehicle.shapes) if e.link == body]
             if not own:
                 continue
             several = f"{agent}." if len(vehicles) > 1 else ""
@@ -330,7 +330,7 @@ def whole_ball(motion: PointMotion) -> tuple[Vec3, Scalar, Scalar]:
         if joint.kind == "prismatic":
             far[i] = far[i] + slide
     reach: Scalar = 0.0
-    for each in vehicle.collisions:
+    for each in vehicle.shapes:
         part = part_of_vehicle(each, Material())
         reach = maximum(reach, far[each.link] + part.reach)
     speed = sqrt(state.velocity.dot(state.velocity) + _TINY)

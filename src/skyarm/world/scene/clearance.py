@@ -242,20 +242,20 @@ def volumes(vehicle: Vehicle) -> list[Volume]:
     names = ["base", *(f"link/{link.name}" for link in vehicle.moving)]
     if vehicle.collisions:
         # every second one is a disc
-        return made[2::2] + [
-            replace(
-                solid_of(each, Pose(each.rotation, each.position)),
-                name=f"{names[each.link - BASE]}/{each.name}",
-                body=each.link,
-            )
-            for each in vehicle.collisions
-        ]
-    for body, name in enumerate(names, BASE):
+        made = made[2::2]
+    for body, name in enumerate(() if vehicle.collisions else names, BASE):
         made += [
             Volume(f"{name}/{to}", body, (ZERO3, end), 0.04 * reach)
             for to, end in rod_ends(vehicle, body)
         ]
-    return made
+    return made + [
+        replace(
+            solid_of(each, Pose(each.rotation, each.position)),
+            name=f"{names[each.link - BASE]}/{each.name}",
+            body=each.link,
+        )
+        for each in vehicle.shapes
+    ]
 
 
 def solid_of(each: Collision | Surface, pose: Pose) -> Volume:
