@@ -92,7 +92,7 @@ def flight(shield, **plant):
             "initial": {"position": [0.0, 0.0, 1.0], "velocity": [1.0, 0.0, 0.0]},
             "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}},
             "world": {
-                "rotor_radius": 0.1,
+                "rotor_radius": 0.108,
                 "points": [{"name": "base", "body": "base"}],
                 "surfaces": [
                     {
