@@ -25,7 +25,6 @@ from skyarm.reference.signals import Constant
 from skyarm.scenario.in_flight import require_continuous
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.vehicle import BASE, Vehicle
-from skyarm.vehicle.attach import Mimic, couple
 from skyarm.vehicle.vehicle_records import Collision
 from skyarm.world.contact.closed_contact import GeomContact
 from skyarm.world.contact.contact import Contact
@@ -436,12 +435,23 @@ def test_what_geoms_lack_is_refused_in_one_line(
     assert str(error.value) == f"world.{words} where plant.contact is 'geoms'"
 
 
-def test_joints_that_follow_others_are_refused_in_one_line() -> None:
-    bird = skyarm.load_vehicle("hummingbird_arm2_rotors")
-    mimic = {bird.links[-1].joint.name: Mimic(bird.links[0].joint.name)}
-    links, followers, frames = couple(bird.links, bird.frames, mimic)
-    coupled = dataclasses.replace(bird, links=links, followers=followers, frames=frames)
-    with pytest.raises(
-        RecordError, match=r"follow others where plant\.contact is 'geoms'$"
-    ):
-        world(points=SKIDS).require_vehicles({"": coupled}, 0.005, GRAVITY)
+def test_fingers_that_follow_each_other_share_the_effort_of_their_leader() -> None:
+    limp = skyarm.load_vehicle(Path(__file__).parents[2] / "examples/two_fingers.toml")
+    box = FreeObject(
+        name="box", mass=0.05, size=(0.03,) * 3, position=Vec3(0.0, 0.0, 0.89)
+    )
+    contact = GeomContact(objects=(box,)).on({"": limp})
+    around = beside(contact)
+    plant = MujocoPlant(Truth(vehicle=limp, gravity=0.0), around)
+    effort, start = 2.0, at_rest(limp, (0.0, 0.0, 1.0), (0.0151,))
+    x, given = flat(start), list(leaves(around))
+    for _ in range(100):
+        row = plant.advance(x, (0.0, 0.0, 0.0, 0.0, -effort), given, 0.005)
+        x = row[: len(x)]
+        for place, value in zip(coupled_places(around), row[len(x) :], strict=True):
+            given[place] = value
+    (after,) = rebuild(around.memories, iter(row[len(x) :]))
+    # by virtual work: either pad moves as far as the leader
+    forces = [float(each[0]) for each in after.touches]
+    assert forces == pytest.approx([0.5 * effort] * 2, rel=1e-3)
+    assert tuple(after.carried[0].position) == pytest.approx((0, 0, 0.89), abs=1e-5)
