@@ -115,6 +115,28 @@ def way(memories: Sequence[ContactMemory], angle: float) -> np.ndarray:
     return np.array([float(each.carried[0].position.dot(down)) for each in memories])
 
 
+def test_a_ball_rolls_on_a_heightfield_as_on_a_plane_of_its_slope() -> None:
+    radius, angle = 0.05, math.atan(0.2)
+    moment = 0.4 * 0.2 * radius**2
+    height = radius - 0.2 * GRAVITY * math.cos(angle) / STIFF
+    ball = on_slope(
+        -angle, height, shape="sphere", size=(radius,), inertia=(moment,) * 3
+    )
+    relief = Surface(
+        name="hill",
+        shape="heightfield",
+        size=(2.0, 1.0, 0.4, 0.1),
+        position=Vec3(0.0, 0.0, -0.2),
+        heights=("0000ffff",) * 3,
+        material=Material(friction=0.5),
+    )
+    contact = GeomContact(surfaces=(relief,), objects=(ball,))
+    x = way(flown(contact, 0.5), -angle)
+    assert -x[-1] == pytest.approx(
+        0.5 * 5.0 / 7.0 * GRAVITY * math.sin(angle) * 0.25, rel=0.01
+    )
+
+
 @pytest.mark.parametrize(
     ("kind", "size", "height", "contacts"),
     [

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import ClassVar
 
 from skyarm.algebra import Force, Scalar, Scalars
 from skyarm.dynamics.point_motion import PointMotion
@@ -30,8 +31,6 @@ class ClosedContact(Contact):
     """Contact model whose grasps are closed by constraints of the plant, which writes
     their forces into the memory.
     """
-
-    geoms = False
 
     def settle(
         self, memory: ContactMemory, motion: PointMotion, vehicle: bool
@@ -76,7 +75,7 @@ class GeomContact(Contact):
     memory; it exerts none itself.
     """
 
-    geoms = True
+    geoms: ClassVar[bool] = True
 
     def start(self, period: float, draws: Sequence[Scalar]) -> ContactMemory:
         """Initial internal state, in which no force is logged yet."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from itertools import product, repeat
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, TypeVar
 
 from skyarm.algebra import ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import sqrt, where
@@ -92,6 +92,9 @@ class Contact(ContactSteps):
     shared = True
 
     coupled = True
+
+    geoms: ClassVar[bool] = False
+    """True of one whose forces the plant finds between geoms."""
 
     surfaces: tuple[Surface, ...] = ()
     points: tuple[ContactPoint, ...] = ()
@@ -243,6 +246,7 @@ class Contact(ContactSteps):
                 )
             with errors_as(RecordError, f"world.grasps[{i}]."):
                 bodies[grasp.body].require_near(grasp.place)
+        self._require_known_heights()
         pairs = self.body_pairs
         self._require_ignored()
         if not self.surfaces and not carriers and not pairs:
@@ -280,6 +284,16 @@ class Contact(ContactSteps):
                 "world.grippers: must be left out of a world without objects"
             )
         self.require_steps(period / MOST_STEPS)
+
+    def _require_known_heights(self) -> None:
+        """Refuse heightfields where the plant does not find the contacts."""
+        for of, each in self.every_surface:
+            if each.shape == "heightfield" and (of != NOBODY or not self.geoms):
+                raise RecordError(
+                    f"world.surfaces[{each.name}].shape = 'heightfield': touches on"
+                    " MuJoCo's plant alone; plant.kind = 'mujoco' with plant.contact ="
+                    " 'geoms' flies it"
+                )
 
     def _require_ignored(self) -> None:
         """Refuse to ignore a pair that there is not."""

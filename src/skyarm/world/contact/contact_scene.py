@@ -20,7 +20,7 @@ from skyarm.world.contact.contact_point import ContactPoint
 from skyarm.world.contact.free_object import FreeObject
 from skyarm.world.contact.grasp import Grasp
 from skyarm.world.contact.mechanism import Mechanism
-from skyarm.world.contact.surface import Surface
+from skyarm.world.contact.surface import Surface, heights_of
 from skyarm.world.scene.scene import PATCH, Arrow, Instants, Line, Scene
 from skyarm.world.scene.shapes import (
     OBJECT,
@@ -117,7 +117,45 @@ def surface_shape(surface: Surface, patch: float = PATCH) -> Shape:
     name = f"world/{surface.name}"
     if surface.shape == "plane":
         return Shape(name, "surface", "patch", BASE, (patch, patch))
+    if surface.shape == "heightfield":
+        return _relief(surface, name)
     return replace(solid_shape(surface, name, "surface", BASE), mesh=surface.mesh)
+
+
+FINEST = 64
+"""Largest number of drawn rows and columns of a heightfield."""
+
+
+def _relief(surface: Surface, name: str) -> Shape:
+    """Drawn triangles of a heightfield, without its sides."""
+    heights = heights_of(surface.heights)
+    down, across = (
+        np.unique(np.linspace(0, count - 1, FINEST).round().astype(int))
+        for count in heights.shape
+    )
+    x, y, height, _ = map(float, surface.size)
+    rows, columns = (each / (each[-1]) - 0.5 for each in (down, across))
+    grid = np.stack(
+        [
+            *np.meshgrid(x * columns, y * rows),
+            height * heights[np.ix_(down, across)],
+        ],
+        axis=2,
+    )
+    number = np.arange(grid[..., 0].size).reshape(grid.shape[:2])
+    a, b, c, d = (
+        number[i:, j:][: len(down) - 1, : len(across) - 1].ravel()
+        for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))
+    )
+    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    return Shape(
+        name,
+        "surface",
+        "hull",
+        BASE,
+        tuple(grid.ravel().tolist()),
+        faces=tuple((i, j, k) for i, j, k in faces.tolist()),
+    )
 
 
 def _carrier_poses(

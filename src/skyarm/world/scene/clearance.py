@@ -207,7 +207,10 @@ def clearances(
         if not (each.body in touching and each.name.startswith(("base/", "link/")))
     ]
     pairs = [
-        Pair(name, surface.name, surface) for surface in obstacles for name in free
+        Pair(name, surface.name, surface)
+        for surface in obstacles
+        if surface.shape != "heightfield"
+        for name in free
     ]
     inner = []
     for i, b in enumerate(every):
