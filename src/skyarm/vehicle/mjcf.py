@@ -201,8 +201,10 @@ def _compile(path: Path, notes: Notes) -> MjModel:
             raise ValueError(warnings[0])
         return model
     except ValueError as error:
+        text = one_line(str(error))
+        cure = ", with the files that it names; put them there" * ("opening" in text)
         raise VehicleError(
-            f"MJCF = {one_line(str(error))!r}: must be a model that MuJoCo loads"
+            f"MJCF = {text!r}: must be a model that MuJoCo loads{cure}"
         ) from None
     finally:
         mujoco.set_mju_user_warning(usual)

@@ -374,4 +374,5 @@ def test_two_bodies_of_one_name_are_refused(tmp_path):
     path.write_text(path.read_text() + row)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        refused(skyarm("check", str(path)), "name = 'r/floor': must be of one only")
+        words = "world.bodies[1].name = 'r': must be of one body only"
+        refused(skyarm("check", str(path)), words)

@@ -197,6 +197,18 @@ class Contact(ContactSteps):
         )
         return replace(self, points=tuple(points))
 
+    def without_others(self, name: str) -> Contact:
+        """Contact model in which a vehicle flies without the others: its ignored pairs,
+        without its name.
+        """
+        own = {each.name for each in replace(self.of_agent(name), ignore=()).body_pairs}
+        ignore = [
+            f"/{each}".replace(f"/{name}.", "/")[1:]
+            for each in self.ignore
+            if each in own
+        ]
+        return replace(self, ignore=tuple(ignore))
+
     def of_agent(self, name: str) -> Contact:
         """Contact model with the points, grippers and grasps of one vehicle alone."""
 
@@ -253,7 +265,7 @@ class Contact(ContactSteps):
             raise RecordError(
                 "world.surfaces: is missing; a world has at least one surface"
             )
-        if not self.points and not carriers and not pairs:
+        if not self.points and not carriers and not self.vehicle_bodies:
             name = next(iter(vehicles.values())).name
             raise RecordError(f"world.points: is missing; vehicle {name!r} has no tip")
         for i, point in enumerate(self.points):
@@ -296,13 +308,20 @@ class Contact(ContactSteps):
                 )
 
     def _require_ignored(self) -> None:
-        """Refuse to ignore a pair that there is not."""
+        """Refuse to ignore a pair that there is not, or twice."""
         for i, name in enumerate(self.ignore):
-            names = [each.name for each in replace(self, ignore=()).body_pairs]
-            if name not in names:
-                raise RecordError(
-                    f"world.ignore[{i}] = {shown(name)}: {must_be_one_of(names, name)}"
-                )
+            every = replace(self, ignore=())
+            names = [each.name for each in every.body_pairs]
+            own = [each.name for each in replace(every, self_collision=True).body_pairs]
+            allowed = ""
+            if name in self.ignore[:i]:
+                allowed = "must stand once"
+            elif name not in names and name in own:
+                allowed = "is of one vehicle: must be left out, or self_collision true"
+            elif name not in names:
+                allowed = must_be_one_of(names, name)
+            if allowed:
+                raise RecordError(f"world.ignore[{i}] = {shown(name)}: {allowed}")
 
     def require_within_reach(self, motion: PointMotion) -> None:
         """Refuse a grasp whose frame is too far from its place on the body at the

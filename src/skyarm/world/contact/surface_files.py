@@ -158,8 +158,14 @@ def with_bodies(world: Entry, folder: Path) -> Entry:
     rows = list_of_tables(expanded.pop("bodies"), "world.bodies")
     stated = list_of_tables(world.get("surfaces", []), "world.surfaces")
     surfaces: list[Entry] = [each.table for each in stated]
+    names = list[str]()
     for row in rows:
         body = record_from(SurfaceFile, row)
+        if body.name in names:
+            raise ValueError(
+                f"{row.at('name')} = {shown(body.name)}: must be of one body only"
+            )
+        names.append(body.name)
         label = f"{row.at('file')} = {shown(body.file)}: "
         with errors_as(ValueError, label, (ValueError, OSError)):
             surfaces += map(entry_of, body.surfaces(folder))
