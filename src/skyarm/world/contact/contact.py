@@ -680,7 +680,14 @@ class Contact(ContactSteps):
         from skyarm.world.contact.contact_scene import contact_scene
 
         return contact_scene(
-            seen, self.surfaces, self.points, self.objects, self.mechanisms, self.grasps
+            seen,
+            self.surfaces,
+            self.points,
+            self.objects,
+            self.mechanisms,
+            self.grasps,
+            self.vehicle_bodies,
+            self.body_pairs,
         )
 
     def warnings(self, vehicle: Vehicle, step: float) -> Sequence[str]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import reduce
 from itertools import combinations
 from operator import add
@@ -25,6 +26,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.immutable import field_if_any, immutable, positional
 from skyarm.records.leaves import as_data
 from skyarm.vehicle import BASE, Joint, Vehicle
+from skyarm.vehicle.description import rpy_of
 from skyarm.vehicle.vehicle_records import Collision
 from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame
 from skyarm.world.contact.contact_point import BASE_NAME, body_axes
@@ -235,6 +237,12 @@ def bare(shape: Surface | Collision, material: Material) -> Surface:
         faces=shape.faces,
         material=material,
     )
+
+
+def surface_of(each: Collision) -> Surface:
+    """Shape of a vehicle as a surface in the axes of its body."""
+    angles = Vec3(*rpy_of(each.rotation))
+    return replace(bare(each, Material()), position=each.position, angles=angles)
 
 
 def part_of_vehicle(each: Collision, material: Material) -> Part:
