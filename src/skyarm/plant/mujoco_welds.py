@@ -161,14 +161,14 @@ class Welds:
             constraint.name1, constraint.name2 = frame, name
             constraint.solimp[:2] = IMPEDANCE
         for vehicle, prefix in zip(vehicles, prefixes, strict=True):
-            for each in vehicle.followers:
-                leader = vehicle.links[each.leader].joint.name
+            for follower in vehicle.followers:
+                leader = vehicle.links[follower.leader].joint.name
                 tie = spec.add_equality(
                     type=mujoco.mjtEq.mjEQ_JOINT,
-                    name1=prefix + each.link.joint.name,
+                    name1=prefix + follower.link.joint.name,
                     name2=prefix + leader,
                 )
-                tie.data[:2] = float(each.offset), float(each.ratio)
+                tie.data[:2] = float(follower.offset), float(follower.ratio)
                 tie.solimp[:2] = RIGID
 
     def bind(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:

@@ -429,7 +429,7 @@ class Vehicle:
     @property
     def shields(self) -> tuple[Collision, ...]:
         """Cylinders around the discs of rotors that have shields."""
-        return tuple(
+        shields = [
             Collision(
                 name=f"{each.name}.shield",
                 link=BASE,
@@ -440,7 +440,8 @@ class Vehicle:
             )
             for each in self.rotors
             if each.shield
-        )
+        ]
+        return tuple(shields)
 
     @property
     def shapes(self) -> tuple[Collision, ...]:

@@ -125,8 +125,8 @@ the name of a column."""
 def contact_forces(
     components: Sequence[Component[Tree]], memories: Sequence[Tree], motion: PointMotion
 ) -> dict[str, float]:
-    """Current sum of the normal forces (N) on the vehicle, by the name of each surface,
-    and of each other body that its shapes touch.
+    """Current sum of the normal forces (N) on the vehicle, by the name of each surface
+    and other body.
 
     Args:
         components: components of the scenario.

@@ -352,8 +352,10 @@ def _body_arrows(
     poses: Poses,
     seen: Instants,
 ) -> Iterator[Arrow]:
-    """Arrows of the normal forces on bodies of vehicles with shapes, at the mean places
-    of touch, along the normal of the other's nearest shape.
+    """Arrows of the normal forces on bodies of vehicles that have shapes.
+
+    They stand at the mean places of touch, along the normal of the other body's nearest
+    shape.
     """
     for i, pair in enumerate(pairs):
         body, name = bodies[pair.body], f"touch/{pair.name}"

@@ -168,8 +168,9 @@ def bodies_of(
         names = [BASE_NAME, *(link.name for link in vehicle.moving)]
         parents = [-2, *(link.parent for link in vehicle.moving)]
         links = {each.name: each.link for each in vehicle.frames}
+        shapes = vehicle.shapes
         for body in range(BASE, len(vehicle.moving)):
-            own = [i for i, e in enumerate(vehicle.shapes) if e.link == body]
+            own = [i for i, e in enumerate(shapes) if e.link == body]
             if not own:
                 continue
             several = f"{agent}." if len(vehicles) > 1 else ""
