@@ -25,7 +25,6 @@ from skyarm.reference.signals import Constant
 from skyarm.scenario.in_flight import require_continuous
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.vehicle import BASE, Vehicle
-from skyarm.vehicle.attach import Mimic, couple
 from skyarm.vehicle.vehicle_records import Collision
 from skyarm.world.contact.closed_contact import GeomContact
 from skyarm.world.contact.contact import Contact
@@ -114,6 +113,28 @@ def way(memories: Sequence[ContactMemory], angle: float) -> np.ndarray:
     """Places (m) of the first object down the plane that rises by an angle."""
     down = rotation_of(Vec3(0.0, angle, 0.0)).apply(Vec3(1.0, 0.0, 0.0))
     return np.array([float(each.carried[0].position.dot(down)) for each in memories])
+
+
+def test_a_ball_rolls_on_a_heightfield_as_on_a_plane_of_its_slope() -> None:
+    radius, angle = 0.05, math.atan(0.2)
+    moment = 0.4 * 0.2 * radius**2
+    height = radius - 0.2 * GRAVITY * math.cos(angle) / STIFF
+    ball = on_slope(
+        -angle, height, shape="sphere", size=(radius,), inertia=(moment,) * 3
+    )
+    relief = Surface(
+        name="hill",
+        shape="heightfield",
+        size=(2.0, 1.0, 0.4, 0.1),
+        position=Vec3(0.0, 0.0, -0.2),
+        heights=("0000ffff",) * 3,
+        material=Material(friction=0.5),
+    )
+    contact = GeomContact(surfaces=(relief,), objects=(ball,))
+    x = way(flown(contact, 0.5), -angle)
+    assert -x[-1] == pytest.approx(
+        0.5 * 5.0 / 7.0 * GRAVITY * math.sin(angle) * 0.25, rel=0.01
+    )
 
 
 @pytest.mark.parametrize(
@@ -436,12 +457,23 @@ def test_what_geoms_lack_is_refused_in_one_line(
     assert str(error.value) == f"world.{words} where plant.contact is 'geoms'"
 
 
-def test_joints_that_follow_others_are_refused_in_one_line() -> None:
-    bird = skyarm.load_vehicle("hummingbird_arm2_rotors")
-    mimic = {bird.links[-1].joint.name: Mimic(bird.links[0].joint.name)}
-    links, followers, frames = couple(bird.links, bird.frames, mimic)
-    coupled = dataclasses.replace(bird, links=links, followers=followers, frames=frames)
-    with pytest.raises(
-        RecordError, match=r"follow others where plant\.contact is 'geoms'$"
-    ):
-        world(points=SKIDS).require_vehicles({"": coupled}, 0.005, GRAVITY)
+def test_fingers_that_follow_each_other_share_the_effort_of_their_leader() -> None:
+    limp = skyarm.load_vehicle(Path(__file__).parents[2] / "examples/two_fingers.toml")
+    box = FreeObject(
+        name="box", mass=0.05, size=(0.03,) * 3, position=Vec3(0.0, 0.0, 0.89)
+    )
+    contact = GeomContact(objects=(box,)).on({"": limp})
+    around = beside(contact)
+    plant = MujocoPlant(Truth(vehicle=limp, gravity=0.0), around)
+    effort, start = 2.0, at_rest(limp, (0.0, 0.0, 1.0), (0.0151,))
+    x, given = flat(start), list(leaves(around))
+    for _ in range(100):
+        row = plant.advance(x, (0.0, 0.0, 0.0, 0.0, -effort), given, 0.005)
+        x = row[: len(x)]
+        for place, value in zip(coupled_places(around), row[len(x) :], strict=True):
+            given[place] = value
+    (after,) = rebuild(around.memories, iter(row[len(x) :]))
+    # by virtual work: either pad moves as far as the leader
+    forces = [float(each[0]) for each in after.touches]
+    assert forces == pytest.approx([0.5 * effort] * 2, rel=1e-3)
+    assert tuple(after.carried[0].position) == pytest.approx((0, 0, 0.89), abs=1e-5)

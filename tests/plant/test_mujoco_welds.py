@@ -7,6 +7,7 @@ from __future__ import annotations
 import dataclasses
 import tomllib
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -16,10 +17,12 @@ import pytest
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics.point_motion import PointMotion
+from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import make_plant
 from skyarm.plant.mujoco import MujocoPlant
+from skyarm.plant.surroundings import Surroundings, Together
 from skyarm.records.coerce import RecordError
-from skyarm.records.leaves import leaves
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.in_flight import require_continuous
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, Solver
 from skyarm.simulate.first_state import (
@@ -27,13 +30,14 @@ from skyarm.simulate.first_state import (
     first_state,
     first_surroundings,
 )
-from skyarm.vehicle.attach import Mimic, couple
+from skyarm.vehicle.vehicle_records import Frame
 from skyarm.world.contact.closed_contact import ClosedContact
 from skyarm.world.contact.contact import Contact
 from skyarm.world.contact.free_object import FreeObject
 from skyarm.world.contact.grasp import Grasp
 from skyarm.world.contact.surface import Surface, rotation_of
 from support.teams import TEAMS, adrift, rotations, team, with_grasps
+from support.worlds import at_rest, fall, states
 
 WELD = Solver(kind="mujoco", closure="weld")
 
@@ -429,29 +433,44 @@ def test_grasps_that_are_no_constraints_are_refused_in_one_line() -> None:
         ),
     ):
         held.require_vehicles({"": vehicle}, 0.005, 9.81)
-    box = carried("ball").world
-    assert box is not None
-    links, followers, frames = couple(
-        vehicle.links,
-        vehicle.frames,
-        {vehicle.links[-1].joint.name: Mimic(vehicle.links[0].joint.name)},
+
+
+def test_a_grasp_at_a_follower_pulls_its_leader_as_a_spring_does() -> None:
+    fingers = skyarm.load_vehicle(
+        Path(__file__).parents[2] / "examples" / "two_fingers.toml"
     )
-    coupled = dataclasses.replace(
-        vehicle, links=links, followers=followers, frames=frames
+    hand = Frame(name="hand", link=1, position=Vec3(0.0, 0.0, -0.05))
+    vehicle = dataclasses.replace(
+        fingers, frames=(*fingers.frames, hand), collisions=()
     )
-    words = (
-        r"vehicle = 'hummingbird_arm2_rotors': must have no joints that follow others"
-        r" where plant\.closure"
+    start = dataclasses.replace(
+        at_rest(vehicle, (0.0, 0.0, 1.0), (0.0,)), joint_rates=(0.3,)
     )
-    for name, vehicles, at in (
-        ("", {"": coupled}, "plant"),
-        ("one", {"one": vehicle, "apart": coupled}, r"agents\.apart\.plant"),
-    ):
-        grasps = tuple(dataclasses.replace(each, agent=name) for each in box.grasps)
-        with pytest.raises(RecordError, match=rf"^{at}\.{words}"):
-            ClosedContact(objects=box.objects, grasps=grasps).require_vehicles(
-                vehicles, 0.005, 9.81
-            )
+    box = FreeObject(
+        name="box", mass=0.05, size=(0.1, 0.06, 0.04), position=Vec3(0.0, 0.0, 0.89)
+    )
+    grasp = Grasp(body="box", frame="hand", stiffness=STIFF, damping=DAMPED)
+    rows = []
+    for plant, kind in ((RigidBodyPlant, Contact), (MujocoPlant, ClosedContact)):
+        contact = kind(objects=(box,), grasps=(grasp,)).on({"": vehicle})
+        motion = PointMotion(vehicle, start)
+        memory = contact.settle(contact.start(0.005, ()), motion, vehicle=False)
+        around = Together(
+            each=(Surroundings(),), components=(contact,), memories=(memory,)
+        )
+        flown = fall(vehicle, start, around, 0.05, kind=plant, gravity=0.0)
+        (after,) = rebuild(around.memories, iter(flown[-1][-len(leaves(memory)) :]))
+        body = after.carried[0]
+        rows.append(
+            [
+                *states(start, flown)[-1].joint_rates,
+                *body.position,
+                *body.velocity,
+                *body.rate,
+            ]
+        )
+    assert rows[0][5] < -0.04
+    assert rows[1] == pytest.approx(rows[0], rel=1e-3, abs=2e-5)
 
 
 def test_the_closure_stays_as_a_session_began() -> None:

@@ -157,7 +157,7 @@ def test_a_change_and_an_adjustable_number_may_name_one_place_in_two_ways(
 
 @pytest.mark.parametrize("other", ["plant.payload.tip.mass", "plant.payload.mass"])
 def test_a_load_that_is_changed_may_have_two_names(other: str) -> None:
-    """A load scheduled by one name was lost beside an adjustable number by the other."""
+    """A load scheduled by one name was lost beside an adjustable one by the other."""
     tables = document("case1", duration=0.1)
     path = "plant.payload.tip.mass"
     heavier = skyarm.scenario_from(

@@ -113,6 +113,7 @@ WRONG = [
     (ball(quaternion_wxyz=[1.0, 1.0, 0.0, 0.0]), "quaternion_wxyz", "of unit length"),
     (ball(colour="red"), "collisions[s].colour = 'red'", "unknown field; allowed"),
     (ball(radius=0.1), "collisions[s].radius = 0.1", "unknown field; allowed"),
+    (ball(most_vertices=8), "s].most_vertices = 8", "must be left out without mesh"),
     # hulls of corners
     (hull(), "shape = 'hull'", ONE_OF_TWO),
     (hull(vertices=[]), "shape = 'hull'", ONE_OF_TWO),
@@ -170,8 +171,8 @@ WRONG = [
     (hull(mesh="cube.obj", most_vertices=3), "most_vertices = 3", "at least 4"),
     (hull(mesh="cube.obj", most_vertices=257), "most_vertices = 257", "at most 256"),
     (hull(mesh="cube.obj", most_vertices="8"), "most_vertices = '8'", "finite number"),
-    (hull(vertices=CUBE, scale=[1.0] * 3), "scale = [1.0", "unknown field"),
-    (hull(vertices=CUBE, most_vertices=8), "most_vertices = 8", "unknown field"),
+    (hull(vertices=CUBE, scale=[1.0] * 3), "scale = [1.0", "left out without mesh"),
+    (hull(vertices=CUBE, most_vertices=8), "most_vertices = 8", "without mesh"),
 ]
 
 

@@ -365,6 +365,26 @@ def test_what_is_not_used_stands_in_a_note(tmp_path):
     assert "link b: its ellipsoid left out: no shape that touches" in vehicle.notes
 
 
+def test_an_import_without_another_file_is_noted(tmp_path):
+    path = tmp_path / "v.toml"
+    path.write_text(
+        'schema = 1\nname = "v"\nairframe = "hummingbird"\nimport_collisions = "file"\n'
+    )
+    (note,) = load_vehicle(path).notes
+    assert note.startswith("import_collisions = 'file' takes none: no other file")
+
+
+def test_an_absent_mesh_of_mjcf_is_refused_with_its_cure(tmp_path):
+    path = tmp_path / "v.xml"
+    path.write_text(
+        '<mujoco><asset><mesh name="m" file="absent.stl"/></asset><worldbody><body>'
+        '<freejoint/><geom type="mesh" mesh="m"/></body></worldbody></mujoco>'
+    )
+    words = r"absent\.stl.*must be a model that MuJoCo loads, with the files that"
+    with pytest.raises(ValueError, match=words):
+        load_vehicle(path)
+
+
 def test_an_absent_mesh_is_refused_with_its_element_path_and_cure(tmp_path):
     absent = sdf(tmp_path, ["<mesh><uri>absent.stl</uri></mesh>"])
     # SDF names meshes from the folder of the file that states them

@@ -334,10 +334,10 @@ class Task:
                     " unique"
                 )
             # a plan has the obstacles of one instant, and distances to solid bodies
-            if obstacle.moves or obstacle.shape == "hole":
+            if obstacle.moves or obstacle.shape in ("hole", "heightfield"):
                 raise TaskError(
                     f"obstacles[{obstacle.name}]: must stand still and be no plate with"
-                    " a hole"
+                    " a hole or heightfield"
                 )
         for k, each in enumerate(self.phases):
             _check_phase(

@@ -80,7 +80,7 @@ def mjcf_text(
     require_plant(vehicle)
     taken = [name for each in vehicle.moving for name in (each.name, each.joint.name)]
     spec = build_spec(vehicle, gravity)
-    for each in vehicle.collisions if collisions else ():
+    for each in vehicle.shapes if collisions else ():
         shape = in_place(solid_shape(each, each.name, "link", each.link), each)
         body = spec.body(body_name(vehicle, each.link))
         add_geom(spec, body, shape, rgba=COLORS["link"], group=TOUCHING)

@@ -33,13 +33,14 @@ from itertools import product
 import mujoco
 import numpy as np
 
-from skyarm.plant.mujoco_model import add_geom, body_name
+from skyarm.plant.mujoco_model import add_geom, body_name, quaternion_of
 from skyarm.plant.mujoco_welds import IMPEDANCE, Welds, closed_contacts
 from skyarm.plant.surroundings import Together
+from skyarm.records.arrays import float_array
 from skyarm.vehicle import BASE, Vehicle
 from skyarm.vehicle.vehicle_records import Collision
 from skyarm.world.contact.closed_contact import OF_A_POINT, OF_BODIES
-from skyarm.world.contact.surface import Surface
+from skyarm.world.contact.surface import Surface, heights_of
 from skyarm.world.scene.shapes import in_place, solid_shape
 
 SPEED = 0.3
@@ -105,7 +106,7 @@ class Geoms(Welds):
         count = len(contact.surfaces)
         shapes = []
         for own in contact.vehicle_bodies:
-            every = trees[own.agent][0].collisions
+            every = trees[own.agent][0].shapes
             geoms = [add(own.agent, own.body, every[i]) for i in own.shapes]
             shapes.append((geoms, contact.vehicle_material))
         rows = [(*skin, point, OF_A_POINT) for skin, point in product(skins, points)]
@@ -164,7 +165,27 @@ class Geoms(Welds):
 
 def _add_geom(spec: mujoco.MjSpec, body: str, shape: Surface | Collision) -> str:
     """Add a shape at its place in the axes of a body; name of the geom."""
-    drawn = in_place(solid_shape(shape, "", "", BASE), shape)
     name = f"geom {len(spec.geoms)}"
+    if heights := getattr(shape, "heights", ()):
+        grid = heights_of(heights)
+        x, y, *ends = map(float, shape.size)
+        field = spec.add_hfield(
+            name=name,
+            size=[0.5 * x, 0.5 * y, *ends],
+            nrow=grid.shape[0],
+            ncol=grid.shape[1],
+            userdata=grid.ravel(),
+        )
+        spec.body(body).add_geom(
+            name=name,
+            type=mujoco.mjtGeom.mjGEOM_HFIELD,
+            hfieldname=field.name,
+            pos=float_array(shape.position),
+            quat=quaternion_of(shape.rotation),
+            contype=0,
+            conaffinity=0,
+        )
+        return name
+    drawn = in_place(solid_shape(shape, "", "", BASE), shape)
     add_geom(spec, spec.body(body), drawn, name=name)
     return name

@@ -56,7 +56,10 @@ class Coupling:
     """
 
     def __init__(self, layout: Layout, data: mujoco.MjData) -> None:
-        self._G = own_to_mujoco(layout)
+        G = own_to_mujoco(layout)
+        # objects move by themselves, behind the vehicles
+        self._G = np.pad(G, ((0, len(data.qvel) - len(G)), (0, 0)))
+        self._own = len(G)
         self._columns = np.ascontiguousarray(self._G.T)
         self._moved = np.zeros(self._columns.shape)
         self._force, self._bias = data.qfrc_applied, data.qfrc_bias
@@ -72,7 +75,7 @@ class Coupling:
         # one product M G serves both G^T M G and the force
         M = self._moved @ self._G
         a = np.linalg.solve(M, self._columns @ (self._force - self._bias))
-        self._force[:] = a @ self._moved + self._bias
+        self._force[: self._own] = (a @ self._moved + self._bias)[: self._own]
         mujoco.mj_forward(model, data)
 
 

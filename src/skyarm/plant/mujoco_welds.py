@@ -50,6 +50,11 @@ if TYPE_CHECKING:
 IMPEDANCE = 1e-4
 """Impedance d of the constraints, the least that MuJoCo takes."""
 
+RIGID = 0.9999
+"""Impedance of the ties of followers, the largest that MuJoCo takes: the tie leaves the
+rest of 1e-4 of what a contact or grasp would accelerate a follower against its leader.
+Without both the force is exact (:class:`skyarm.plant.mujoco_loads.Coupling`)."""
+
 TORQUE_SCALE = 10
 """Index of the torque scale of a weld among its data."""
 
@@ -156,6 +161,16 @@ class Welds:
             )
             constraint.name1, constraint.name2 = frame, name
             constraint.solimp[:2] = IMPEDANCE
+        for vehicle, prefix in zip(vehicles, prefixes, strict=True):
+            for follower in vehicle.followers:
+                leader = vehicle.links[follower.leader].joint.name
+                tie = spec.add_equality(
+                    type=mujoco.mjtEq.mjEQ_JOINT,
+                    name1=prefix + follower.link.joint.name,
+                    name2=prefix + leader,
+                )
+                tie.data[:2] = float(follower.offset), float(follower.ratio)
+                tie.solimp[:2] = RIGID
 
     def bind(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Set the stiffness of the constraints in the compiled model, in whose data the
@@ -163,13 +178,15 @@ class Welds:
         """
         self._model = model
         self._data = data
-        self._sites = model.eq_obj2id
+        # behind the grasps stand the ties of followers
+        count = len(self._grasps)
+        self._sites = model.eq_obj2id[:count]
         # begin() turns these sites: MuJoCo must not take them for their bodies' frames
         model.site_sameframe[self._sites] = 0
         self._bodies = model.site_bodyid[self._sites]
         A, turning = (
             model.body_invweight0[self._bodies]
-            + model.body_invweight0[model.site_bodyid[model.eq_obj1id]]
+            + model.body_invweight0[model.site_bodyid[model.eq_obj1id[:count]]]
         ).T
         K, D, radius, self._release = (
             np.array(
@@ -182,8 +199,8 @@ class Welds:
             .reshape(-1, 4)
             .T
         )
-        model.eq_solref[:] = -(1.0 - IMPEDANCE) * (A * (K, D)).T
-        model.eq_data[:, TORQUE_SCALE] = 2.0 * radius * np.sqrt(turning / A)
+        model.eq_solref[:count] = -(1.0 - IMPEDANCE) * (A * (K, D)).T
+        model.eq_data[:count, TORQUE_SCALE] = 2.0 * radius * np.sqrt(turning / A)
 
     def begin(self, around: Array) -> None:
         """Set constraints and objects at the beginning of a control period.
@@ -195,8 +212,9 @@ class Welds:
         memory = around[self._places]
         # or the force would act twice, by MuJoCo and by our equations
         around[self._places[self.forces]] = 0.0
-        self._data.eq_active[:] = around[self._time] < self._release
-        fixed = self._sites[self._model.eq_type == mujoco.mjtEq.mjEQ_WELD]
+        count = len(self._sites)
+        self._data.eq_active[:count] = around[self._time] < self._release
+        fixed = self._sites[self._model.eq_type[:count] == mujoco.mjtEq.mjEQ_WELD]
         for site, turn in zip(
             fixed, memory[self._turns].reshape(-1, 3, 3), strict=True
         ):

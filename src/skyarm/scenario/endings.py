@@ -243,7 +243,7 @@ class Ground(DistanceEnding):
 
 @immutable
 class RotorContact(DistanceEnding):
-    """Termination when a rotor disc touches a fixed surface, such as a wall."""
+    """Termination when the disc of a rotor without shield touches a fixed surface."""
 
     status: ClassVar[str] = "rotor_contact"
     words: ClassVar[str] = "rotor '{1}' touched surface '{2}'"
@@ -256,6 +256,8 @@ class RotorContact(DistanceEnding):
         clearances: list[Distance] = []
         for contact in scenario.worlds:
             for rotor in turn_rotors(scenario.agent.vehicle, state.tilts).rotors:
+                if rotor.shield:
+                    continue
                 at, axis = state.position + R.apply(rotor.position), R.apply(rotor.axis)
                 for surface in contact.still:
                     gap = surface.clearance(at, axis, contact.rotor_radius, 0.0)

@@ -542,9 +542,12 @@ class Environment:
 
     @property
     def has_ground(self) -> bool:
-        """True if there is a ground at z = 0; planes of the world take its place."""
+        """True if there is a ground at z = 0; planes and heightfields of the world take
+        its place.
+        """
         surfaces = () if self.world is None else self.world.surfaces
-        return self.ground and not any(surface.shape == "plane" for surface in surfaces)
+        grounds = "plane", "heightfield"
+        return self.ground and not any(each.shape in grounds for each in surfaces)
 
     @property
     def solids(self) -> tuple[Surface, ...]:

@@ -117,11 +117,18 @@ def _idle_components(scenario: Scenario) -> Iterator[str]:
 
 
 def _idle_shapes(scenario: Scenario) -> Iterator[str]:
-    if scenario.agent.vehicle.collisions and not scenario.worlds:
+    if scenario.agent.vehicle.shapes and not scenario.worlds:
         yield (
             "plant.vehicle: has shapes that touch nothing without a [world]; its"
             " surfaces?"
         )
+    for contact in scenario.worlds:
+        own = contact.of_agent(next(iter(scenario.agents)))
+        if own.self_collision and all(each.other != "body" for each in own.body_pairs):
+            yield (
+                "world.self_collision: no two bodies of the vehicle have shapes, but"
+                " neighbours; more shapes?"
+            )
 
 
 def _blind_axes(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -415,6 +416,12 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
     """
     guards = scenario.agent.reference.guards
     own = scenario.agent
+    world = scenario.world
+    # who flies it again flies it without the others
+    if scenario.others and world is not None and world.ignore:
+        (name,) = scenario.agents
+        around = replace(scenario.environment, world=world.without_others(name))
+        scenario = replace(scenario, environment=around)
     whole = describe_team(scenario, ending)
     waits = [
         {"phase": each.phase, "at": float(each.at), "timeout": float(each.timeout)}

@@ -115,6 +115,9 @@ def import_shapes(bodies: RigidBodies, how: str, notes: Notes) -> list[Collision
     if stated and how == "none":
         cure = "import_collisions = 'file' takes them"
         notes.add(f"{len(stated)} shapes of its file touch nothing; {cure}")
+    if not stated and how != "none":
+        why = "takes none: no other file states a shape that touches"
+        notes.add(f"import_collisions = {how!r} {why}")
     if how == "none":
         return []
     of_rotors = {each.link for each in bodies.rotors} - {bodies.root}

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -23,6 +23,7 @@ import numpy as np
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Scalar, Sym3, Vec3
 from skyarm.records.arrays import Array
 from skyarm.records.files import one_line
+from skyarm.records.immutable import positional
 from skyarm.vehicle import description
 from skyarm.vehicle.attach import (
     BodyTree,
@@ -200,8 +201,10 @@ def _compile(path: Path, notes: Notes) -> MjModel:
             raise ValueError(warnings[0])
         return model
     except ValueError as error:
+        text = one_line(str(error))
+        cure = ", with the files that it names; put them there" * ("opening" in text)
         raise VehicleError(
-            f"MJCF = {one_line(str(error))!r}: must be a model that MuJoCo loads"
+            f"MJCF = {text!r}: must be a model that MuJoCo loads{cure}"
         ) from None
     finally:
         mujoco.set_mju_user_warning(usual)
@@ -454,7 +457,7 @@ def _read_body(tree: _MujocoTree, body: int) -> None:
             tree.frames.append(posed_in(at, R, p, tree.sites[name]))
 
 
-GEOMS = "plane hfield sphere capsule ellipsoid cylinder box hull sdf"
+GEOMS = "plane heightfield sphere capsule ellipsoid cylinder box hull sdf"
 """Shapes of geoms, in the order of MuJoCo's enumeration; its mesh is a hull."""
 
 
@@ -485,46 +488,110 @@ def _size_of(model: MjModel, geom: int, kind: str) -> list[float] | Array:
     ]
 
 
-def read_scene(
-    path: Path, prefix: str, most: int, notes: Notes
-) -> list[tuple[Frame, Scalar]]:
-    """Shapes and friction of the geoms of an MJCF file that may touch, in its axes.
+UNREAD = "surfacevel margin gap adhesion"
+"""Attributes of a geom that change its contacts and are not read."""
 
-    A plane is a frame whose z axis leads out of it.
+
+@positional
+class SceneShape:
+    """Shape of a scene: its name and pose, its words as those of a surface, and its
+    friction coefficient.
+
+    The heights of a heightfield are numbers from 0 to 1.
+    """
+
+    at: Frame
+    words: dict[str, Any]
+    friction: Scalar
+
+
+def words_of(shape: Collision) -> dict[str, Any]:
+    """Shape, lengths and corners of a shape that touches."""
+    return {each: getattr(shape, each) for each in ("shape", "size", "vertices")}
+
+
+def _relief_of(model: MjModel, index: int) -> dict[str, Any]:
+    """Lengths (m) and heights of a heightfield of MuJoCo."""
+    x, y, height, base = model.hfield_size[index].tolist()
+    rows, columns = model.hfield_nrow[index], model.hfield_ncol[index]
+    first = model.hfield_adr[index]
+    heights = model.hfield_data[first : first + rows * columns].reshape(rows, columns)
+    return {"size": (2.0 * x, 2.0 * y, height, base), "heights": heights}
+
+
+def read_image(path: Path, scale: Sequence[Scalar], base: float) -> dict[str, Any]:
+    """Lengths (m) and heights of the heightfield of an image, as MuJoCo reads it.
+
+    Args:
+        path: path of a PNG file.
+        scale: distance of pixels along x and y, and of the highest from the lowest, m.
+        base: thickness below the lowest, m.
+
+    Raises:
+        ValueError: one line: no image.
+    """
+    import mujoco
+
+    spec = mujoco.MjSpec()
+    spec.add_hfield(name="image", file=str(path), size=[1.0] * 4)
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="image")
+    try:
+        heights = _relief_of(spec.compile(), 0)["heights"]
+    except ValueError as error:
+        raise ValueError(f"MuJoCo reads no image: {one_line(str(error))}") from None
+    y, x = (each - 1.0 for each in heights.shape)
+    size = (x * scale[0], y * scale[1], scale[2], base)
+    return {"shape": "heightfield", "size": size, "heights": heights}
+
+
+def read_scene(path: Path, prefix: str, most: int, notes: Notes) -> list[SceneShape]:
+    """Shapes of the geoms of an MJCF file that may touch and do not move, in its axes.
 
     Args:
         path: path of the file.
         prefix: begins the names of the shapes.
         most: largest number of corners of a hull.
-        notes: takes a note on each hull without some corners of its mesh.
+        notes: takes what is left out, and a note on each hull without some corners of
+            its mesh.
 
     Raises:
-        VehicleError: without the file's name: a body that moves, a shape that touches
-            in MuJoCo alone, or no shape.
+        VehicleError: without the file's name: no shape.
     """
-    model = _compile(path, Notes())
+    model = _compile(path, notes)
     moves = (model.body_jntnum > 0) | (model.body_mocapid >= 0)
+    data, shapes = _at_rest(model, 0), list[SceneShape]()
+    cure = "what moves is one of [[world.objects]] or a vehicle"
     for body in np.flatnonzero(moves).tolist():
-        cure = "what moves is one of [[world.objects]] or a vehicle"
-        name = name_of(model, "body", body)
-        refuse(f"body[{name}]", "moves", f"must be fixed in a scene; {cure}")
-    data, shapes = _at_rest(model, 0), list[tuple[Frame, Scalar]]()
+        notes.add(f"moves: left out; {cure}", name_of(model, "body", body), "body")
     for geom in np.flatnonzero(model.geom_contype | model.geom_conaffinity).tolist():
+        if any(moves[body] for body in _up(model, model.geom_bodyid[geom])):
+            continue
         name = name_of(model, "geom", geom)
         kind = GEOMS.split()[model.geom_type[geom]]
-        if kind not in ("plane", *COLLISION_SIZES):
-            allowed = "touches in MuJoCo alone; must be plane, box, sphere, capsule,"
-            refuse(f"geom[{name}].type", kind, f"{allowed} cylinder or mesh")
+        if kind not in ("plane", "heightfield", *COLLISION_SIZES):
+            why = f"{kind}: left out; it touches in MuJoCo alone"
+            notes.add(why, name, "geom")
+            continue
         R = Mat3.from_numbers(data.geom_xmat[geom].reshape(3, 3).tolist())
         p = description.vector(data.geom_xpos[geom])
-        shape = posed_in(at_origin(), R, p, prefix + name)
-        if kind != "plane":
+        at = posed_in(at_origin(), R, p, prefix + name)
+        words: dict[str, Any] = {"shape": kind}
+        if kind == "heightfield":
+            words |= _relief_of(model, model.geom_dataid[geom])
+        elif kind != "plane":
             size = _size_of(model, geom, kind)
-            shape = collision_of(shape.name, kind, shape, size, notes, most)
+            words |= words_of(collision_of(at.name, kind, at, size, notes, most))
+        for word in UNREAD.split():
+            # an older MuJoCo has fewer of them
+            if np.any(getattr(model, f"geom_{word}", model.geom_gap)[geom]):
+                notes.add(f"{word}: not read", name, "geom")
         # the first number is for sliding, the other two for spinning and rolling
-        shapes.append((shape, float(model.geom_friction[geom][0])))
+        shapes.append(SceneShape(at, words, float(model.geom_friction[geom][0])))
+    if model.npair:
+        notes.add(f"{model.npair} stated pairs: not read; all surfaces touch")
     if not shapes:
-        refuse("geoms", 0, "must be one or more that touch (contype or conaffinity)")
+        allowed = "must be one or more that touch (contype or conaffinity) and rest"
+        refuse("geoms", 0, f"{allowed}; {cure}")
     return shapes
 
 

@@ -116,6 +116,7 @@ def _values(fields: Fields, tilting: bool) -> dict[str, Any]:
     for name, read in (
         ("reversible", fields.flag),
         ("rolling", partial(fields.choice, options=get_args(Rolling))),
+        ("shield", fields.numbers),
     ):
         if fields.states(name):
             values[name] = read(name)

@@ -15,7 +15,7 @@ from dataclasses import field, replace
 from typing import Annotated, Any, Literal
 
 from skyarm.algebra import ZERO3, Mat3, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import add, mul, neg
+from skyarm.algebra.scalars import add, divide, mul, neg, where
 from skyarm.records.coerce import (
     concrete,
     number,
@@ -100,6 +100,8 @@ class Rotor:
         table: thrust and drag torque by speed in place of k_f W^2 and k_m thrust; k_f
             and k_m scale them and are what laws know.
         tilt: servo that turns the axis; None for a rotor whose axis is fixed.
+        shield: radius and height of a guard around the disc, m; empty without. It
+            touches as a cylinder of the base, and the disc ends no flight.
     """
 
     name: str
@@ -187,6 +189,9 @@ class Rotor:
     ] = field_if_any(default=0)
     table: ThrustTable | None = field_if_any(default=None)
     tilt: Tilt | None = field_if_any(default=None)
+    shield: Annotated[
+        Scalars, positive("m", "radius and height of a guard around the disc")
+    ] = field_if_any(default=())
 
     def __post_init__(self) -> None:
         accept_named(self, "rotor")
@@ -422,6 +427,28 @@ class Vehicle:
         return (self.base, *(link.body for link in self.moving))
 
     @property
+    def shields(self) -> tuple[Collision, ...]:
+        """Cylinders around the discs of rotors that have shields."""
+        shields = [
+            Collision(
+                name=f"{each.name}.shield",
+                link=BASE,
+                position=each.position,
+                rotation=_axes_along(each.axis),
+                shape="cylinder",
+                size=each.shield,
+            )
+            for each in self.rotors
+            if each.shield
+        ]
+        return tuple(shields)
+
+    @property
+    def shapes(self) -> tuple[Collision, ...]:
+        """All shapes that touch: the stated ones, then the rotors' shields."""
+        return (*self.collisions, *self.shields)
+
+    @property
     def moving(self) -> tuple[Link, ...]:
         """All links that joints move: the independent links, then the followers."""
         return (
@@ -620,7 +647,10 @@ def _require_whole(value: Vehicle) -> None:
     for each in value.rotors:
         if each.tilt is not None:
             each.tilt.require(f"rotors[{each.name}].tilt", each.axis)
-    unique("collisions.name", [each.name for each in value.collisions])
+        if each.shield and (len(each.shield) != 2 or each.tilt is not None):
+            allowed = "must be radius and height, of a rotor that does not tilt"
+            refuse(f"rotors[{each.name}].shield", list(each.shield), allowed)
+    unique("collisions.name", [each.name for each in value.shapes])
     for frame in (*value.frames, *value.collisions):
         if not -1 <= frame.link < len(value.moving):
             kind = "frames" if type(frame) is Frame else "collisions"
@@ -644,6 +674,21 @@ def _require_whole(value: Vehicle) -> None:
     # last, because its mass matrix needs a tree that is otherwise sound
     if found := what_does_not_move(value):
         refuse(*found)
+
+
+def _axes_along(z: Vec3) -> Mat3:
+    """Rotation matrix whose third column is a given unit vector.
+
+    Source: Duff et al. 2017, Building an orthonormal basis, revisited.
+    """
+    side = where(z.z >= 0.0, 1.0, -1.0)
+    a = divide(-1.0, side + z.z)
+    b = z.x * z.y * a
+    return Mat3(
+        Vec3(1.0 + side * z.x * z.x * a, b, z.x),
+        Vec3(side * b, side + z.y * z.y * a, z.y),
+        Vec3(-side * z.x, -z.y, z.z),
+    )
 
 
 def _require_joint(field: str, value: Joint) -> None:

@@ -485,6 +485,9 @@ def _collision(
             else "must be 'hull' where vertices or mesh are stated"
         )
         refuse(fields.at("shape"), shape, why)
+    for word in ("most_vertices", "scale"):
+        if not path and fields.states(word):
+            refuse(fields.at(word), fields.take(word), "must be left out without mesh")
     label, scale, most = "", METRES, float(MOST_CORNERS)
     size: Sequence[float] | Array = ()
     if path:

@@ -189,6 +189,8 @@ def _rotor(rotor: Rotor) -> Table:
         for name in ("table", *coefficients_of(rotor.table)):
             del entries[name]
         entries["thrust_table"] = _thrust_table(rotor, rotor.table)
+    if rotor.shield:
+        entries["shield"] = [*map(float, rotor.shield)]
     if rotor.tilt is not None:
         entries["tilt"] = _record(rotor.tilt)
     return entries

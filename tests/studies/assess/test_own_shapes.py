@@ -15,6 +15,8 @@ from skyarm.plant.mujoco_model import joint_addresses
 from skyarm.studies.assess.arm_poses import arm_poses
 from skyarm.studies.assess.assessment import assess_vehicle
 from skyarm.studies.assess.check_sheet import sheet
+from skyarm.studies.assess.data_sheet import sheet as data_sheet
+from skyarm.studies.assess.data_sheet import vehicle_facts
 from skyarm.studies.assess.finding import NOTE, OK
 from skyarm.studies.assess.joints import OWN, own_collision
 from skyarm.vehicle import Vehicle
@@ -116,3 +118,19 @@ def test_a_vehicle_without_shapes_is_not_asked() -> None:
         boxed(), collisions=boxed().collisions[:2], rotors=()
     )
     assert not own_collision(arm_poses(base_alone, 8))
+
+
+def test_the_data_sheet_lists_the_shapes_that_touch() -> None:
+    vehicle = boxed()
+    facts = vehicle_facts(vehicle, 9.81)
+    assert [each["body"] for each in facts["shapes"]] == [
+        *["base"] * 2,
+        "link1",
+        *["link2"] * 2,
+    ]
+    assert facts["shapes"][1]["size_m"] == [0.01, 0.15]
+    assert facts["shapes"][-1]["corners"] == 4
+    captions = {each.caption for each in data_sheet(vehicle, facts)}
+    bare = dataclasses.replace(vehicle, collisions=())
+    without = data_sheet(bare, vehicle_facts(bare, 9.81))
+    assert captions - {each.caption for each in without} == {"shapes that touch"}

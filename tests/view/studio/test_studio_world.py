@@ -7,6 +7,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 from functools import cache
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -31,6 +32,7 @@ from skyarm.world.scene.component_scenes import scene_now
 from skyarm.world.scene.scene import Scene, instant_of
 from skyarm.world.scene.vehicle_shapes import place, rotor_turns
 from support.peers import Scene as Nodes
+from support.shaped import shaped
 from support.worlds import DOCUMENT, WALL_ANGLE
 
 
@@ -61,6 +63,31 @@ def sight(flown: Session) -> PlottedInstant:
     """What is plotted of the only vehicle."""
     (seen,) = sights(flown)
     return seen
+
+
+def test_touches_of_shapes_are_marked_with_their_force(tmp_path: Path) -> None:
+    feet = [
+        {"shape": "sphere", "size": [0.02], "position": [0.1 * x, 0.1 * y, -0.1]}
+        for x, y in ((-1, -1), (-1, 1), (1, -1), (1, 1))
+    ]
+    document = {
+        "schema": 1,
+        "name": "stands",
+        "duration": 1.0,
+        "plant": {"vehicle": shaped(tmp_path, feet)},
+        "controller": {"law": "decoupled_pd"},
+        "world": {"surfaces": [{"name": "post/a"}]},
+        "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 0.4]}},
+        "initial": {"standing": True, "position": [0.0, 0.0, 0.2]},
+    }
+    scenario = scenario_from(document, tmp_path)
+    standing = Session(scenario, machine_code=False)
+    weight = float(scenario.plant.vehicle.mass) * float(scenario.plant.gravity)
+    (arrow,) = scene_at(0.0, standing).arrows
+    assert arrow.name == "touch/base/post/a"
+    np.testing.assert_allclose(arrow.force, [[0.0, 0.0, weight]], rtol=1e-3, atol=1e-9)
+    np.testing.assert_allclose(arrow.spot, np.zeros((1, 3)), atol=1e-3)
+    assert sight(standing).contacts == {"post/a": pytest.approx(weight, rel=1e-3)}
 
 
 def scene_at(time: float, flown: Session) -> Scene:

@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 
 from skyarm import load_vehicle
-from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.reference.signals import Constant, Sine
+from skyarm.vehicle import BASE
+from skyarm.vehicle.vehicle_records import Collision
 from skyarm.world.contact import Contact, ContactPoint, Material, Surface
 from skyarm.world.contact.free_object import FreeObject
 from skyarm.world.contact.mechanism import Mechanism, MechanismMotion
@@ -394,3 +396,67 @@ def test_a_surface_hides_what_is_behind_it_and_nothing_beside_it(shape: str) -> 
         rotation=np.concatenate([solid.rotation] * 2),
     )
     assert hidden_share([two], np.zeros((2, 3)), np.array([1.0, 0.0, 0.0])) == 0.5
+
+
+def ball(name: str, link: int, **fields: Any) -> Collision:
+    usual = {"shape": "sphere", "size": (0.05,), "position": ZERO3}
+    return Collision(name=name, link=link, **usual | fields)
+
+
+def test_arrows_of_bodies_stand_at_their_places_along_the_other_ones_normal() -> None:
+    times, angle = np.array([0.0, 0.1]), 0.3
+    tool = ball(
+        "tool", 1, position=Vec3(0.01, 0.02, 0.03), shape="box", size=(0.1,) * 3
+    )
+    vehicle = dataclasses.replace(VEHICLE, collisions=(ball("hull", BASE), tool))
+    wall = Surface(name="wall", angles=Vec3(0.0, angle, 0.0))
+    thing = FreeObject(name="thing", mass=0.3, shape="box", size=(0.2, 0.4, 0.6))
+    contact = Contact(surfaces=(wall,), objects=(thing,), self_collision=True)
+    contact = contact.on({"": vehicle})
+    names = [each.name for each in contact.body_pairs]
+    assert names == [
+        "base/wall",
+        "link2/wall",
+        "base/thing",
+        "link2/thing",
+        "base/link2",
+    ]
+    R, p = body_poses(vehicle, np.zeros((2, 3)), np.eye(4)[[0, 0]], np.zeros((2, 2)))[1]
+    middle = p[0] + R[0] @ np.array([0.01, 0.02, 0.03])
+    turned = Quaternion(np.cos(0.4), 0.0, 0.0, np.sin(0.4))
+    side = np.array([np.cos(0.8), np.sin(0.8), 0.0])
+    places = np.zeros((2, 15))
+    places[:, 6:9], places[:, 12:15] = side * 0.099, middle + R[0] @ [0.0, -0.049, 0.0]
+    numbers = {
+        "collision_force": np.array([[1.0, 0.0, 2.0, 0.0, 3.0], [0.0] * 5]),
+        "collision_place": places,
+        "object_position": np.zeros((2, 3)),
+        "object_quaternion": np.array([[*turned]] * 2, float),
+    }
+    seen = Instants(
+        vehicle=vehicle,
+        times=times,
+        position=np.zeros((2, 3)),
+        quaternion=np.eye(4)[[0, 0]],
+        joints=np.zeros((2, VEHICLE.n)),
+    )
+    nothing = np.zeros((2, 6))
+    logged = {column[0]: nothing[:, :3] for column in contact.columns} | numbers
+
+    def arrows() -> dict[str, Any]:
+        scene = scene_in_log([contact], seen, lambda name: logged.get(name, nothing))
+        return {each.name: each for each in scene.arrows}
+
+    drawn = arrows()
+    for name, force in (
+        ("base/wall", [np.sin(angle), 0.0, np.cos(angle)]),
+        ("base/thing", 2.0 * side),
+        ("base/link2", 3.0 * R[0] @ [0.0, -1.0, 0.0]),
+        ("link2/wall", np.zeros(3)),
+    ):
+        i, arrow = names.index(name), drawn[f"touch/{name}"]
+        np.testing.assert_allclose(arrow.spot, places[:, 3 * i : 3 * i + 3])
+        np.testing.assert_allclose(arrow.force, [force, np.zeros(3)], atol=1e-9)
+    # the log of a member of a team has the pairs of all
+    logged["collision_force"] = np.ones((2, 9))
+    assert not any(each.force.any() for each in arrows().values())

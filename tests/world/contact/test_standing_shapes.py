@@ -212,3 +212,8 @@ def test_shapes_without_a_world_are_said_to_touch_nothing(tmp_path):
     )
     assert without_effect(scenario_from(document, tmp_path)) == (line,)
     assert without_effect(starting(tmp_path, 1.0)) == ()
+
+
+def test_self_collision_of_one_body_is_said_to_have_no_effect(tmp_path):
+    (line,) = without_effect(standing(tmp_path, "box", self_collision=True))
+    assert line.startswith("world.self_collision: no two bodies of the vehicle")

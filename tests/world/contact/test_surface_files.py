@@ -1,7 +1,9 @@
 """Surfaces from files, beside MuJoCo's own reading of the same files."""
 
 import math
+import struct
 import warnings
+import zlib
 
 import mujoco
 import numpy as np
@@ -9,12 +11,16 @@ import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from skyarm import load_scenario, save_scenario
+from skyarm import load_scenario, run, save_scenario
 from skyarm.algebra import Vec3
 from skyarm.planning.task import load_task
 from skyarm.records.plain import plain
+from skyarm.records.restore import restore
 from skyarm.scenario.numbers import with_numbers
-from skyarm.world.contact.surface_files import SimplifiedHullWarning
+from skyarm.world.contact.contact_scene import surface_shape
+from skyarm.world.contact.surface import heights_of
+from skyarm.world.contact.surface_files import SurfaceFile, SurfaceFileWarning
+from skyarm.world.scene.shapes import mesh_of
 from support.commands import refused, skyarm
 
 SCENE = """
@@ -69,6 +75,26 @@ FILES = {
 
 def scene(inside):
     return f"<mujoco><worldbody>{inside}</worldbody></mujoco>"
+
+
+RELIEF = (
+    '<mujoco><asset><hfield name="h" nrow="2" ncol="2" size="1 1 1 1"/></asset>'
+    '<worldbody><geom name="hill" type="hfield" hfield="h"/></worldbody></mujoco>'
+)
+
+
+def image(grey):
+    """A PNG file of grey pixels."""
+
+    def part(kind, data):
+        check = zlib.crc32(kind + data)
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", check)
+
+    rows, columns = grey.shape
+    lines = b"".join(b"\0" + row.tobytes() for row in grey)
+    head = struct.pack(">IIBBBBB", columns, rows, 8, 0, 0, 0, 0)
+    whole = part(b"IHDR", head), part(b"IDAT", zlib.compress(lines)), part(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + b"".join(whole)
 
 
 def world(folder, **words):
@@ -193,7 +219,7 @@ def test_a_mesh_is_its_convex_hull_by_its_own_name(tmp_path, scale):
 def test_a_hull_of_fewer_corners_lies_inside_and_is_said(tmp_path):
     path = world(tmp_path, name="part", file="part.obj", position=BELOW.tolist())
     path.write_text(path.read_text() + "most_vertices = 8\n")
-    with pytest.warns(SimplifiedHullWarning, match="part: hull of 8 corners, up to"):
+    with pytest.warns(SurfaceFileWarning, match="part: hull of 8 corners, up to"):
         (surface,) = load_scenario(path).world.surfaces
     inside = ConvexHull(CORNERS).equations
     points = np.array(surface.vertices, float)
@@ -239,8 +265,8 @@ WRONG = [
     ({"file": "none.obj"}, "file = 'none.obj': no such file"),
     ({"file": "folder.xml"}, "file = 'folder.xml': is a folder"),
     ({"file": "../none/none.stl"}, "file = '../none/none.stl': no such file"),
-    ({"file": "robot.urdf"}, "must end in .stl, .obj or .xml (MJCF)"),
-    ({"file": ""}, "file = '': must end in .stl, .obj or .xml (MJCF)"),
+    ({"file": "robot.urdf"}, "must end in .stl, .obj, .xml (MJCF)"),
+    ({"file": ""}, "file = '': must end in .stl, .obj, .xml (MJCF)"),
     ({"file": 3}, "file = 3: must be text"),
     ({"file": "broken.xml"}, "must be a model that MuJoCo loads"),
     ({"file": "flat.obj"}, "file = 'flat.obj': has all of its vertices in one plane"),
@@ -257,28 +283,57 @@ WRONG = [
         scene(BALL.replace("/>", ' contype="0" conaffinity="0"/>')),
         "geoms = 0: must be one or more that touch",
     ),
-    (
-        scene(f'<body name="door"><joint/>{BALL}</body>'),
-        "body[door] = 'moves': must be fixed in a scene",
-    ),
-    (
-        scene(f'<body name="hand" mocap="true">{BALL}</body>'),
-        "body[hand] = 'moves': must be fixed in a scene",
-    ),
-    (
-        scene('<geom name="egg" type="ellipsoid" size="1 2 3"/>'),
-        "geom[egg].type = 'ellipsoid': touches in MuJoCo alone",
-    ),
-    (
-        '<mujoco><asset><hfield name="h" nrow="2" ncol="2" size="1 1 1 1"/></asset>'
-        '<worldbody><geom name="hill" type="hfield" hfield="h"/></worldbody></mujoco>',
-        "geom[hill].type = 'hfield': touches in MuJoCo alone",
-    ),
+    (scene(f'<body name="door"><joint/>{BALL}</body>'), "geoms = 0: must be one"),
     (
         scene('<geom name="rough" size="0.1" friction="200"/>'),
         "r/rough: material.friction = 200.0: must be at most 100",
     ),
 ]
+
+
+def test_what_a_scene_holds_and_no_surface_has_is_said_in_one_line(tmp_path):
+    path = world(tmp_path, name="r", file="room.xml")
+    (tmp_path / "room.xml").write_text(
+        scene(
+            '<geom name="floor" type="plane" size="1 1 1" pos="0 0 -2" margin="1e-3"/>'
+            f'<body name="door"><joint/>{BALL}<body>{BALL}</body></body>'
+            f'<body name="hand" mocap="true">{BALL}</body>'
+            '<geom name="egg" type="ellipsoid" size="1 2 3"/>'
+            '</worldbody><contact><pair geom1="floor" geom2="egg"/></contact>'
+            "<worldbody>"
+        ).replace('name="ball"', "")
+    )
+    with pytest.warns(SurfaceFileWarning) as said:
+        surfaces = load_scenario(path).world.surfaces
+    assert [each.name for each in surfaces] == ["r/floor"]
+    assert [str(each.message) for each in said] == [
+        "bodies door, hand: moves: left out; what moves is one of [[world.objects]] or"
+        " a vehicle",
+        "geom floor: margin: not read",
+        "geom egg: ellipsoid: left out; it touches in MuJoCo alone",
+        "1 stated pairs: not read; all surfaces touch",
+    ]
+
+
+def test_heights_of_an_image_and_of_a_scene_are_those_of_mujoco(tmp_path):
+    heights = np.array([[0, 51, 102], [0, 0, 204]], "u1")
+    (tmp_path / "hill.png").write_bytes(image(heights))
+    (tmp_path / "hill.xml").write_text(
+        '<mujoco><asset><hfield name="h" file="hill.png" size="1 0.25 3 0.1"/></asset>'
+        '<worldbody><geom name="hill" type="hfield" hfield="h"/></worldbody></mujoco>'
+    )
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "hill.xml"))
+    own = SurfaceFile(name="r", file="hill.png", scale=(1.0, 0.5, 3.0))
+    for each in (own, SurfaceFile(name="r", file="hill.xml")):
+        (surface,) = each.surfaces(tmp_path)
+        assert surface.size == pytest.approx((2.0, 0.5, 3.0, 0.1))
+        grid = heights_of(surface.heights)
+        # the first row of an image is the farthest one
+        assert grid == pytest.approx(heights[::-1] / 204.0, abs=1e-5)
+        assert grid.ravel() == pytest.approx(model.hfield_data, abs=1e-5)
+        drawn, _ = mesh_of(surface_shape(surface))
+        ends = [[-1.0, -0.25, 0.0], [1.0, 0.25, 1.5]]
+        assert drawn[[0, -1]] == pytest.approx(np.array(ends), abs=1e-4)
 
 
 @pytest.mark.parametrize(("changed", "words"), WRONG)
@@ -289,6 +344,22 @@ def test_bodies_that_cannot_be_are_refused_in_one_line(tmp_path, changed, words)
     if isinstance(changed, str):
         (tmp_path / "room.xml").write_text(changed)
     refused(skyarm("check", str(file)), "world.bodies[0].", words)
+
+
+def test_a_heightfield_flies_on_the_plant_that_knows_it(tmp_path):
+    path = world(tmp_path, name="r", file="room.xml")
+    (tmp_path / "room.xml").write_text(RELIEF)
+    words = "world.surfaces[r/hill].shape = 'heightfield': touches on MuJoCo's plant"
+    refused(skyarm("run", str(path)), words)
+    flies = '[plant]\nkind = "mujoco"\ncontact = "geoms"\n'
+    path.write_text(path.read_text().replace("[plant]\n", flies))
+    scenario = load_scenario(path, duration=0.02)
+    log = run(scenario)
+    assert log.status == "completed"
+    assert log.component("contact_force").shape == (4, 1)
+    # a log has no need of the file
+    (tmp_path / "room.xml").unlink()
+    assert restore(plain(scenario)) == scenario
 
 
 def test_what_is_no_list_of_bodies_is_refused(tmp_path):
@@ -303,4 +374,5 @@ def test_two_bodies_of_one_name_are_refused(tmp_path):
     path.write_text(path.read_text() + row)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        refused(skyarm("check", str(path)), "name = 'r/floor': must be of one only")
+        words = "world.bodies[1].name = 'r': must be of one body only"
+        refused(skyarm("check", str(path)), words)

@@ -61,6 +61,16 @@ def vehicle_facts(vehicle: Vehicle, gravity: float) -> Facts:
             }
             for name, body in zip(_bodies(vehicle), vehicle.bodies, strict=True)
         ],
+        "shapes": [
+            {
+                "name": each.name,
+                "body": _bodies(vehicle)[each.link - BASE],
+                "shape": each.shape,
+                "size_m": [float(length) for length in each.size],
+                "corners": len(each.vertices),
+            }
+            for each in vehicle.shapes
+        ],
         "hover": _hover(vehicle, gravity) if vehicle.rotors else None,
         "reach_m": None,
         "static_efforts": {},
@@ -141,6 +151,19 @@ def sheet(vehicle: Vehicle, known: Facts) -> list[Table]:
                 heading,
                 {name: each for name, each in records.items() if type(each) is kind},
             )
+    if known["shapes"]:
+        rows = [
+            (
+                each["name"],
+                each["body"],
+                each["shape"],
+                " ".join(shown_number(size, 6) for size in each["size_m"])
+                or f"{each['corners']} corners",
+            )
+            for each in known["shapes"]
+        ]
+        heads = "", "body", "shape", "size, m"
+        tables.append(table_of(heads, rows, left=4, title="shapes that touch"))
     for title, lines in (
         ("gaps: what its rotors lack to fly", vehicle.gaps),
         (

@@ -117,10 +117,16 @@ def _sight(
     )
 
 
+OTHER = {"contact_force": 0, "collision_force": 2}
+"""Array of forces -> whether what the vehicle touches is before or behind the slash in
+the name of a column."""
+
+
 def contact_forces(
     components: Sequence[Component[Tree]], memories: Sequence[Tree], motion: PointMotion
 ) -> dict[str, float]:
-    """Current sum of the normal forces (N) on the vehicle, by the name of each surface.
+    """Current sum of the normal forces (N) on the vehicle, by the name of each surface
+    and other body.
 
     Args:
         components: components of the scenario.
@@ -129,13 +135,11 @@ def contact_forces(
     """
     forces: dict[str, float] = {}
     for part, memory in zip(components, memories, strict=True):
-        own = [
-            column
-            for column in part.of_agent(motion.name).columns
-            if column[0] == "contact_force"
-        ]
+        own = part.of_agent(motion.name).columns
         pairs = [
-            column[1].partition("/")[0] if column in own else ""
+            column[1].partition("/")[OTHER[column[0]]]
+            if column[0] in OTHER and column in own
+            else ""
             for column in part.columns
         ]
         for surface, force in (

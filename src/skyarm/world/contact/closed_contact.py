@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import ClassVar
 
 from skyarm.algebra import Force, Scalar, Scalars
 from skyarm.dynamics.point_motion import PointMotion
@@ -31,8 +32,6 @@ class ClosedContact(Contact):
     their forces into the memory.
     """
 
-    geoms = False
-
     def settle(
         self, memory: ContactMemory, motion: PointMotion, vehicle: bool
     ) -> ContactMemory:
@@ -57,7 +56,6 @@ class ClosedContact(Contact):
         """
         Contact.require_vehicles(self, vehicles, period, gravity)
         objects = [each.name for each in self.objects]
-        require_no_followers(vehicles, "where plant.closure is 'weld'")
         for i, grasp in enumerate(self.grasps):
             at = f"world.grasps[{i}]"
             words = ""
@@ -77,7 +75,7 @@ class GeomContact(Contact):
     memory; it exerts none itself.
     """
 
-    geoms = True
+    geoms: ClassVar[bool] = True
 
     def start(self, period: float, draws: Sequence[Scalar]) -> ContactMemory:
         """Initial internal state, in which no force is logged yet."""
@@ -110,7 +108,6 @@ class GeomContact(Contact):
         lack.
         """
         Contact.require_vehicles(self, vehicles, period, gravity)
-        require_no_followers(vehicles, REFUSED)
         parts = ("mechanisms", "grippers", "grasps")
         lacks = [each for each in parts if getattr(self, each)]
         for i, each in enumerate(self.surfaces):
@@ -118,15 +115,3 @@ class GeomContact(Contact):
                 lacks.append(f"surfaces[{i}], a hole or in motion")
         if lacks:
             raise RecordError(f"world.{lacks[0]}: must be left out {REFUSED}")
-
-
-def require_no_followers(vehicles: Mapping[str, Vehicle], where: str) -> None:
-    """Refuse vehicles with joints that follow others, which no constraint moves."""
-    for name, vehicle in vehicles.items():
-        if vehicle.followers:
-            # a file of one vehicle has no table agents
-            of = f"agents.{name}." if len(vehicles) > 1 else ""
-            raise RecordError(
-                f"{of}plant.vehicle = {shown(vehicle.name)}: must have no joints that"
-                f" follow others {where}"
-            )

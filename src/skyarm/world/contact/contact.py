@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from itertools import product, repeat
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, TypeVar
 
 from skyarm.algebra import ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import sqrt, where
@@ -92,6 +92,9 @@ class Contact(ContactSteps):
     shared = True
 
     coupled = True
+
+    geoms: ClassVar[bool] = False
+    """True of one whose forces the plant finds between geoms."""
 
     surfaces: tuple[Surface, ...] = ()
     points: tuple[ContactPoint, ...] = ()
@@ -194,6 +197,18 @@ class Contact(ContactSteps):
         )
         return replace(self, points=tuple(points))
 
+    def without_others(self, name: str) -> Contact:
+        """Contact model in which a vehicle flies without the others: its ignored pairs,
+        without its name.
+        """
+        own = {each.name for each in replace(self.of_agent(name), ignore=()).body_pairs}
+        ignore = [
+            f"/{each}".replace(f"/{name}.", "/")[1:]
+            for each in self.ignore
+            if each in own
+        ]
+        return replace(self, ignore=tuple(ignore))
+
     def of_agent(self, name: str) -> Contact:
         """Contact model with the points, grippers and grasps of one vehicle alone."""
 
@@ -243,13 +258,14 @@ class Contact(ContactSteps):
                 )
             with errors_as(RecordError, f"world.grasps[{i}]."):
                 bodies[grasp.body].require_near(grasp.place)
+        self._require_known_heights()
         pairs = self.body_pairs
         self._require_ignored()
         if not self.surfaces and not carriers and not pairs:
             raise RecordError(
                 "world.surfaces: is missing; a world has at least one surface"
             )
-        if not self.points and not carriers and not pairs:
+        if not self.points and not carriers and not self.vehicle_bodies:
             name = next(iter(vehicles.values())).name
             raise RecordError(f"world.points: is missing; vehicle {name!r} has no tip")
         for i, point in enumerate(self.points):
@@ -281,14 +297,31 @@ class Contact(ContactSteps):
             )
         self.require_steps(period / MOST_STEPS)
 
-    def _require_ignored(self) -> None:
-        """Refuse to ignore a pair that there is not."""
-        for i, name in enumerate(self.ignore):
-            names = [each.name for each in replace(self, ignore=()).body_pairs]
-            if name not in names:
+    def _require_known_heights(self) -> None:
+        """Refuse heightfields where the plant does not find the contacts."""
+        for of, each in self.every_surface:
+            if each.shape == "heightfield" and (of != NOBODY or not self.geoms):
                 raise RecordError(
-                    f"world.ignore[{i}] = {shown(name)}: {must_be_one_of(names, name)}"
+                    f"world.surfaces[{each.name}].shape = 'heightfield': touches on"
+                    " MuJoCo's plant alone; plant.kind = 'mujoco' with plant.contact ="
+                    " 'geoms' flies it"
                 )
+
+    def _require_ignored(self) -> None:
+        """Refuse to ignore a pair that there is not, or twice."""
+        for i, name in enumerate(self.ignore):
+            every = replace(self, ignore=())
+            names = [each.name for each in every.body_pairs]
+            own = [each.name for each in replace(every, self_collision=True).body_pairs]
+            allowed = ""
+            if name in self.ignore[:i]:
+                allowed = "must stand once"
+            elif name not in names and name in own:
+                allowed = "is of one vehicle: must be left out, or self_collision true"
+            elif name not in names:
+                allowed = must_be_one_of(names, name)
+            if allowed:
+                raise RecordError(f"world.ignore[{i}] = {shown(name)}: {allowed}")
 
     def require_within_reach(self, motion: PointMotion) -> None:
         """Refuse a grasp whose frame is too far from its place on the body at the
@@ -647,7 +680,14 @@ class Contact(ContactSteps):
         from skyarm.world.contact.contact_scene import contact_scene
 
         return contact_scene(
-            seen, self.surfaces, self.points, self.objects, self.mechanisms, self.grasps
+            seen,
+            self.surfaces,
+            self.points,
+            self.objects,
+            self.mechanisms,
+            self.grasps,
+            self.vehicle_bodies,
+            self.body_pairs,
         )
 
     def warnings(self, vehicle: Vehicle, step: float) -> Sequence[str]:

@@ -12,15 +12,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from skyarm.algebra import Vec3
-from skyarm.records.arrays import Array
+from skyarm.algebra import Scalar, Vec3
+from skyarm.records.arrays import Array, doubles
 from skyarm.vehicle import BASE, Vehicle
 from skyarm.world.contact.carrier import AnyCarrier
 from skyarm.world.contact.contact_point import ContactPoint
 from skyarm.world.contact.free_object import FreeObject
 from skyarm.world.contact.grasp import Grasp
 from skyarm.world.contact.mechanism import Mechanism
-from skyarm.world.contact.surface import Surface
+from skyarm.world.contact.surface import Surface, heights_of
+from skyarm.world.contact.vehicle_bodies import BodyPair, VehicleBody, surface_of
 from skyarm.world.scene.scene import PATCH, Arrow, Instants, Line, Scene
 from skyarm.world.scene.shapes import (
     OBJECT,
@@ -60,6 +61,8 @@ def contact_scene(
     objects: Sequence[FreeObject],
     mechanisms: Sequence[Mechanism],
     grasps: Sequence[Grasp],
+    bodies: Sequence[VehicleBody] = (),
+    pairs: Sequence[BodyPair] = (),
 ) -> Scene:
     """Drawn shapes and force arrows of the contact model at some instants of a
     flight.
@@ -89,6 +92,7 @@ def contact_scene(
         lines=tuple(line for each in drawn for line in each.lines),
         arrows=(
             *_touch_arrows(points, surfaces, carried, seen),
+            *_body_arrows(bodies, pairs, surfaces, carriers, poses, seen),
             *(arrow for each in drawn for arrow in each.arrows),
         ),
         attached=tuple(_point_shapes(own, seen.vehicle)),
@@ -117,7 +121,48 @@ def surface_shape(surface: Surface, patch: float = PATCH) -> Shape:
     name = f"world/{surface.name}"
     if surface.shape == "plane":
         return Shape(name, "surface", "patch", BASE, (patch, patch))
+    if surface.shape == "heightfield":
+        return _relief(surface, name)
     return replace(solid_shape(surface, name, "surface", BASE), mesh=surface.mesh)
+
+
+AT_REST = np.eye(3)[None], np.zeros((1, 3))
+"""Rotation (1, 3, 3) and position (1, 3) of the axes of what is fixed in the world."""
+
+FINEST = 64
+"""Largest number of drawn rows and columns of a heightfield."""
+
+
+def _relief(surface: Surface, name: str) -> Shape:
+    """Drawn triangles of a heightfield, without its sides."""
+    heights = heights_of(surface.heights)
+    down, across = (
+        np.unique(np.linspace(0, count - 1, FINEST).round().astype(int))
+        for count in heights.shape
+    )
+    x, y, height, _ = map(float, surface.size)
+    rows, columns = (each / (each[-1]) - 0.5 for each in (down, across))
+    grid = np.stack(
+        [
+            *np.meshgrid(x * columns, y * rows),
+            height * heights[np.ix_(down, across)],
+        ],
+        axis=2,
+    )
+    number = np.arange(grid[..., 0].size).reshape(grid.shape[:2])
+    a, b, c, d = (
+        number[i:, j:][: len(down) - 1, : len(across) - 1].ravel()
+        for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))
+    )
+    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    return Shape(
+        name,
+        "surface",
+        "hull",
+        BASE,
+        tuple(grid.ravel().tolist()),
+        faces=tuple((i, j, k) for i, j, k in faces.tolist()),
+    )
 
 
 def _carrier_poses(
@@ -255,8 +300,7 @@ def _touch_arrows(
     """Arrows of the normal forces of each surface on each contact point of the
     vehicle.
     """
-    still = np.eye(3)[None], np.zeros((1, 3))
-    every = [*((each, *still) for each in surfaces), *carried]
+    every = [*((each, *AT_REST) for each in surfaces), *carried]
     pairs = [(*surface, point) for surface in every for point in points]
     for i, (surface, turn, origin, point) in enumerate(pairs):
         if not seen.has(point.agent):
@@ -270,15 +314,68 @@ def _touch_arrows(
         if not np.any(force > 0.0):
             yield Arrow(name, middle, np.zeros_like(middle))
             continue
-        local = np.einsum(
-            "nij,ni->nj", np.broadcast_to(turn, (len(middle), 3, 3)), middle - origin
-        )
-        normal = vectors(
-            surface.depth(Vec3(*local.T), point.radius, seen.times)[1], len(middle)
-        )
-        normal = np.einsum(
-            "nij,nj->ni", np.broadcast_to(turn, (len(middle), 3, 3)), normal
-        )
+        _, normal = _skin(surface, (turn, origin), middle, point.radius, seen.times)
         yield Arrow(
             name, middle - float(point.radius) * normal, force[:, None] * normal
         )
+
+
+def _skin(
+    surface: Surface,
+    pose: tuple[Array, Array],
+    at: Array,
+    radius: Scalar,
+    times: Array,
+) -> tuple[Array, Array]:
+    """Penetration (N,) of balls (m) into a surface and its outward normals (N, 3),
+    world axes.
+
+    Args:
+        surface: in the axes of its body.
+        pose: rotations (N or 1, 3, 3) and positions (N or 1, 3) of these axes.
+        at: (N, 3) m, middles of the balls.
+        radius: of the balls, m.
+        times: (N,) s.
+    """
+    turn, origin = pose
+    R = np.broadcast_to(turn, (len(at), 3, 3))
+    local = np.einsum("nij,ni->nj", R, at - origin)
+    depth, normal = surface.depth(Vec3(*local.T), radius, times)
+    return doubles(depth), np.einsum("nij,nj->ni", R, vectors(normal, len(at)))
+
+
+def _body_arrows(
+    bodies: Sequence[VehicleBody],
+    pairs: Sequence[BodyPair],
+    surfaces: Sequence[Surface],
+    carriers: Sequence[AnyCarrier],
+    poses: Poses,
+    seen: Instants,
+) -> Iterator[Arrow]:
+    """Arrows of the normal forces on bodies of vehicles that have shapes.
+
+    They stand at the mean places of touch, along the normal of the other body's nearest
+    shape.
+    """
+    for i, pair in enumerate(pairs):
+        body, name = bodies[pair.body], f"touch/{pair.name}"
+        other = bodies[pair.index] if pair.other == "body" else body
+        if not (seen.has(body.agent) and seen.has(other.agent)):
+            continue
+        force = seen.numbers["collision_force"][:, i]
+        place = seen.numbers["collision_place"][:, 3 * i : 3 * i + 3]
+        pose: tuple[Array, Array] = AT_REST
+        if pair.other == "surface":
+            shapes = [surfaces[pair.index]]
+        elif pair.other == "carrier":
+            shapes, pose = [*carriers[pair.index].surfaces], poses[pair.index]
+        else:
+            own = seen.of(other.agent)
+            shapes = [surface_of(own.vehicle.shapes[k]) for k in other.shapes]
+            pose = own.poses[other.body]
+        normal, deepest = np.zeros_like(place), np.full(len(place), -np.inf)
+        for each in shapes if np.any(force > 0.0) else ():
+            depth, way = _skin(each, pose, place, 0, seen.times)
+            normal = np.where((depth > deepest)[:, None], way, normal)
+            deepest = np.maximum(depth, deepest)
+        yield Arrow(name, place, force[:, None] * normal)

@@ -1,5 +1,5 @@
-"""Surfaces: a plane, a box, a cylinder, a sphere, a capsule, a convex hull or a plate
-with a hole, at rest or moving.
+"""Surfaces, at rest or moving: plane, box, cylinder, sphere, capsule, convex hull,
+plate with a hole, heightfield.
 """
 
 from __future__ import annotations
@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from dataclasses import field
 from functools import reduce
 from typing import Annotated
+
+import numpy as np
 
 from skyarm.algebra import (
     E_X,
@@ -39,9 +41,10 @@ from skyarm.algebra.scalars import (
 )
 from skyarm.compile.tracing.lower import compiled_once
 from skyarm.records import coerce
+from skyarm.records.arrays import Array
 from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.field_rules import accept_fields
-from skyarm.records.files import shown
+from skyarm.records.files import errors_as, shown
 from skyarm.records.immutable import derived_field, field_if_any, immutable
 from skyarm.records.units import Unit, positive
 from skyarm.reference.signals import Constant
@@ -62,10 +65,16 @@ SHAPES = {
     "hole": SIZES,
     "capsule": ("radius", "length"),
     "hull": (),
+    "heightfield": ("x", "y", "height", "base"),
 }
 """Shape -> names of its sizes (m). The outside of a plane is along its z axis, which is
 also the axis of cylinder, hole and capsule; the length of a capsule is that between the
-centres of its ends."""
+centres of its ends. A heightfield has its lowest point in the plane of its origin, and
+below it a base."""
+
+AWAY = 1e6
+"""Distance (m) of every point from a heightfield in our own equations, which do not
+touch it: the plant does."""
 
 
 _CENTRE = 1e-24
@@ -138,6 +147,14 @@ class Surface:
     material: Material = field(default_factory=Material)
     mesh: str = field_if_any(default="")
     vertices: Corners = field_if_any(default=())
+    heights: Annotated[
+        tuple[str, ...],
+        Unit(
+            "",
+            "rows of a heightfield along x, from the least y: four hexadecimal digits"
+            " a point, from 0000 up to the height ffff",
+        ),
+    ] = field_if_any(default=())
     faces: Triangles = derived_field()
 
     def __post_init__(self) -> None:
@@ -151,6 +168,11 @@ class Surface:
             )
         if self.shape == "hole":
             require_hole(self.size)
+        if (self.shape == "heightfield") != bool(self.heights):
+            raise RecordError("surface.heights: must be those of a heightfield alone")
+        if self.heights:
+            with errors_as(RecordError, "surface.heights: "):
+                heights_of(self.heights)
 
     @property
     def moves(self) -> bool:
@@ -178,6 +200,9 @@ class Surface:
         if self.shape == "hole":
             outer, length = self.size[3:]
             return sqrt(outer * outer + length * length)
+        if self.shape == "heightfield":
+            x, y, *ends = self.size
+            return 0.5 * (x + y) + maximum(*ends)
         if self.shape == "hull":
             return sqrt(reduce(maximum, [each.dot(each) for each in self.vertices]))
         radius, length = self.size
@@ -203,6 +228,8 @@ class Surface:
         """
         if self.shape == "plane":
             return ((p.z, E_Z),)
+        if self.shape == "heightfield":
+            return ((AWAY, E_Z),)
         if self.shape in ("sphere", "capsule"):
             if self.shape == "capsule":
                 half = 0.5 * self.size[1]
@@ -327,6 +354,34 @@ class Surface:
             [height - _half_width(axis, normal, radius) for height, normal in planes],
         )
 
+
+def heights_of(rows: Sequence[str]) -> Array:
+    """Heights of a heightfield (rows, columns), from 0 to 1, of rows of digits.
+
+    Raises:
+        ValueError: one line: rows that are no grid of four digits a point.
+    """
+    try:
+        lines = [np.frombuffer(bytes.fromhex(row), ">u2") for row in rows]
+        grid = np.array(lines) / float(HIGHEST)
+    except ValueError:
+        grid = np.zeros(0)
+    if grid.ndim != 2 or min(grid.shape) < 2:
+        raise ValueError(
+            "must be two or more rows of equally many points, two or more of four"
+            " hexadecimal digits each"
+        )
+    return grid
+
+
+def rows_of(heights: Array) -> tuple[str, ...]:
+    """Rows of digits of heights (rows, columns), from 0 to 1."""
+    numbers = np.rint(heights * HIGHEST).astype(">u2")
+    return tuple(row.tobytes().hex() for row in numbers)
+
+
+HIGHEST = 0xFFFF
+"""Largest number of four digits."""
 
 OUTSIDE = 1e-9
 """Distance (m) from a hull up to which the normal of its nearest face is taken: that of

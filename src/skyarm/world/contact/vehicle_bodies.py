@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import reduce
 from itertools import combinations
 from operator import add
@@ -25,6 +26,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.immutable import field_if_any, immutable, positional
 from skyarm.records.leaves import as_data
 from skyarm.vehicle import BASE, Joint, Vehicle
+from skyarm.vehicle.description import rpy_of
 from skyarm.vehicle.vehicle_records import Collision
 from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame
 from skyarm.world.contact.contact_point import BASE_NAME, body_axes
@@ -76,7 +78,7 @@ class VehicleBody:
 
     def parts(self, motion: PointMotion, material: Material) -> tuple[Part, ...]:
         """Shapes of the body in its axes."""
-        every = motion.of(self.agent).vehicle.collisions
+        every = motion.of(self.agent).vehicle.shapes
         return tuple(part_of_vehicle(every[i], material) for i in self.shapes)
 
 
@@ -166,8 +168,9 @@ def bodies_of(
         names = [BASE_NAME, *(link.name for link in vehicle.moving)]
         parents = [-2, *(link.parent for link in vehicle.moving)]
         links = {each.name: each.link for each in vehicle.frames}
+        shapes = vehicle.shapes
         for body in range(BASE, len(vehicle.moving)):
-            own = [i for i, e in enumerate(vehicle.collisions) if e.link == body]
+            own = [i for i, e in enumerate(shapes) if e.link == body]
             if not own:
                 continue
             several = f"{agent}." if len(vehicles) > 1 else ""
@@ -235,6 +238,12 @@ def bare(shape: Surface | Collision, material: Material) -> Surface:
         faces=shape.faces,
         material=material,
     )
+
+
+def surface_of(each: Collision) -> Surface:
+    """Shape of a vehicle as a surface in the axes of its body."""
+    angles = Vec3(*rpy_of(each.rotation))
+    return replace(bare(each, Material()), position=each.position, angles=angles)
 
 
 def part_of_vehicle(each: Collision, material: Material) -> Part:
@@ -330,7 +339,7 @@ def whole_ball(motion: PointMotion) -> tuple[Vec3, Scalar, Scalar]:
         if joint.kind == "prismatic":
             far[i] = far[i] + slide
     reach: Scalar = 0.0
-    for each in vehicle.collisions:
+    for each in vehicle.shapes:
         part = part_of_vehicle(each, Material())
         reach = maximum(reach, far[each.link] + part.reach)
     speed = sqrt(state.velocity.dot(state.velocity) + _TINY)

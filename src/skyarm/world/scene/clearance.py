@@ -208,7 +208,10 @@ def clearances(
         if not (each.body in touching and each.name.startswith(("base/", "link/")))
     ]
     pairs = [
-        Pair(name, surface.name, surface) for surface in obstacles for name in free
+        Pair(name, surface.name, surface)
+        for surface in obstacles
+        if surface.shape != "heightfield"
+        for name in free
     ]
     inner = []
     for i, b in enumerate(every):
@@ -244,21 +247,21 @@ def volumes(vehicle: Vehicle) -> list[Volume]:
     names = ["base", *(f"link/{link.name}" for link in vehicle.moving)]
     if vehicle.collisions:
         # every second one is a disc
-        return made[2::2] + [
-            replace(
-                solid_of(each, Pose(each.rotation, each.position)),
-                name=f"{names[each.link - BASE]}/{each.name}",
-                body=each.link,
-            )
-            for each in vehicle.collisions
-        ]
-    for body, name in enumerate(names, BASE):
+        made = made[2::2]
+    for body, name in enumerate(() if vehicle.collisions else names, BASE):
         made += [
             # as thick as they are drawn
             Volume(f"{name}/{to}", body, (ZERO3, end), 0.04 * reach)
             for to, end in rod_ends(vehicle, body)
         ]
-    return made
+    return made + [
+        replace(
+            solid_of(each, Pose(each.rotation, each.position)),
+            name=f"{names[each.link - BASE]}/{each.name}",
+            body=each.link,
+        )
+        for each in vehicle.shapes
+    ]
 
 
 def solid_of(each: Collision | Surface, pose: Pose) -> Volume:

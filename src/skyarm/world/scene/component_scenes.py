@@ -4,6 +4,7 @@ instant.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
@@ -14,7 +15,7 @@ from skyarm.records.arrays import Array
 from skyarm.records.files.names import distinct
 from skyarm.records.files.user_code import require_result
 from skyarm.records.leaves import Tree
-from skyarm.world.component import Component
+from skyarm.world.component import COLLISIONS, Component
 from skyarm.world.scene.scene import Instants, Scene
 from skyarm.world.scene.shapes import KINDS
 
@@ -106,6 +107,13 @@ def _own_columns(
     log.
     """
     begins: dict[str, int] = {}
+    declared = Counter(column[0] for part in components for column in part.columns)
+    # of a member of a team that is drawn alone the log has pairs with the others, too
+    unknown = {
+        name
+        for name in COLLISIONS
+        if declared[name] and logged(name).shape[1] > declared[name]
+    }
     for part in components:
         own: dict[str, int] = {}
         for column in part.columns:
@@ -113,6 +121,7 @@ def _own_columns(
         if has_shapes(part):
             columns = {
                 name: logged(name)[:, begins.get(name, 0) :][:, :count]
+                * (name not in unknown)
                 for name, count in own.items()
             }
             # a log may lack columns of a part, which is then not drawn

@@ -83,7 +83,7 @@ def vehicle_shapes(vehicle: Vehicle, *, meshes: bool = True) -> tuple[Shape, ...
         in_place(
             solid_shape(each, f"touch/{each.name}", _role(each.link), each.link), each
         )
-        for each in touching
+        for each in (*touching, *vehicle.shields)
     ]
     for i, link in enumerate(vehicle.moving):
         if i not in covered:
