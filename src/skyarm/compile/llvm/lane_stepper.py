@@ -251,6 +251,7 @@ class Quick:
     Attributes:
         inputs, outputs: leaves of the arguments and of the result. step: function that
             evaluates.
+        result: record that the function returns, as an example.
     """
 
     def __init__(self, function: Callable[..., Tree], *examples: Tree) -> None:
@@ -259,11 +260,12 @@ class Quick:
             (),
             (),
             examples,
+            loops=True,
         )
         self.inputs: Array
         self.outputs: Array
         self.step: Callable[[], None]
-        self._result = loop.result[1]
+        self.result = loop.result[1]
         try:
             # what is called once a step is worth its making: all of LLVM's effort
             stepper = Stepper(Kernel(loop, Lanes(1), logging=True), np.zeros(0))
@@ -278,7 +280,7 @@ class Quick:
 
     def shaped(self) -> Any:
         """Output values as the dataclass that the compiled function returns."""
-        return rebuild(self._result, iter(self.outputs.tolist()))
+        return rebuild(self.result, iter(self.outputs.tolist()))
 
     def _in_python(self, loop: Loop) -> Callable[[], None]:
         program = loop.stepper()
