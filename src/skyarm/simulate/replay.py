@@ -28,7 +28,7 @@ from skyarm.plant.surroundings import Memories, Surroundings, Together
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Dataclass, Tree, field_names, leaves
-from skyarm.simulate.command_delay import mean_efforts, switches
+from skyarm.simulate.command_delay import drives_after, switches
 from skyarm.vehicle import Vehicle
 from skyarm.world import Component, Effectiveness, Wrench
 
@@ -78,8 +78,9 @@ class Inputs:
     late: tuple[Scalar, Scalar]
 
 
-# no cut of LoopProgram: it has neither a scenario nor its sensors, law, delays and
-# random numbers; its lanes differ in inputs, which a PeriodRow gives all lanes alike
+# no cut of LoopProgram: its step is that of a log's clock, as 0.0040016 s, and rates of
+# scenarios are whole numbers of Hz; it has no sensors, law and random numbers, and its
+# commands, which arrive within a step, differ from lane to lane
 class CommandReplay:
     """Compiled plant model that flies under logged commands.
 
@@ -157,19 +158,14 @@ class CommandReplay:
             before, memories = carry
             numbers = dict(zip(self.names, given.numbers, strict=True))
             vehicle = vehicle_of(numbers)
-            setpoints = mean_efforts(given.before, given.after, given.late[1], step)
-            rows = zip(
+            memories = drives_after(
                 drives_of(vehicle),
                 memories,
-                setpoints,
-                before.joints,
-                before.joint_rates,
-                # there is no drive at all where every joint takes a torque
-                strict=False,
-            )
-            memories = tuple(
-                drive.advance(memory, mean, q, qd, step)
-                for drive, memory, mean, q, qd in rows
+                given.before,
+                given.after,
+                given.late[1],
+                before,
+                step,
             )
             worlds = (Truth(vehicle=vehicle, gravity=gravity),)
             beside = Together((around(vehicle, given, memories),))
