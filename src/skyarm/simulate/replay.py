@@ -13,9 +13,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
-from skyarm.compile.llvm.kernel import Kernel, host_width
+from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.lane_stepper import LaneStepper
-from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.drive import Drive
@@ -180,11 +179,9 @@ class CommandReplay:
             return (after, memories), tuple(sensed(numbers, before, after))
 
         loop = trace_loop(fly, (state, memories), self._inputs, (), loops=True)
-        # contracted, its bits would depend on the effort of the compiler: a search and
-        # a design decide by them
-        self._kernel = Kernel(
-            loop, Lanes(host_width(), contract=False), logging=True, effort=1
-        )
+        # lanes that are not contracted: else its bits would depend on the effort of the
+        # compiler, and a search and a design decide by them
+        self._kernel = Kernel(loop, logging=True, effort=1)
 
     def flights(self, lanes: int, threads: int = 1) -> ReplayedFlights:
         """Make flights simulated side by side, all at rest at the origin, with the

@@ -25,8 +25,7 @@ import numpy as np
 
 from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import data
-from skyarm.compile.llvm.kernel import Kernel, host_width
-from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.tracing.lower import repeat
 from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
@@ -224,9 +223,7 @@ class Differentiator:
             self._open_period, self._point, PeriodRow(given=(row,))
         )
         # few periods are stepped: what compiles five times as fast is quicker in all
-        self._kernel = Kernel(
-            loop, Lanes(host_width(), contract=False), logging=True, effort=0
-        )
+        self._kernel = Kernel(loop, logging=True, effort=0)
         self._row = len(leaves(row))
 
     def _scenario_of(self, given: Given) -> Scenario:

@@ -17,7 +17,7 @@ import numpy as np
 
 from skyarm.algebra import ZERO3_DATA, Quaternion, Scalar, Scalars, differences
 from skyarm.algebra.scalars import maximum, minimum
-from skyarm.compile.llvm.kernel import Kernel, host_width
+from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
@@ -154,7 +154,7 @@ class CompiledStages:
             return predict_stage(model, x, u, d, target, dt[0]), (*errors, *pushes)
 
         loop = trace_loop(stage, state, (inputs, (0.0,), disturbance, goal), ())
-        self.kernel = Kernel(loop, Lanes(host_width()), logging=True)
+        self.kernel = Kernel(loop, logging=True)
         self.nx, self.nu = len(leaves(state)), len(leaves(inputs))
         self.input_errors = model.vehicle.n + len(model.vehicle.rotors) + contact
         self.scales = np.concatenate([np.ones(self.nx), scales])
@@ -302,7 +302,7 @@ class Rollouts:
         zero = (0.0,) * nu
         row = (state, inputs, zero, ((0.0,) * nx,) * nu, (0.0, 0.0, 0.0), goal)
         loop = trace_loop(stage, (state, (0.0,)), ((0.0,), disturbance), row)
-        self.kernel = Kernel(loop, Lanes(host_width()), logging=True)
+        self.kernel = Kernel(loop, logging=True)
         self.nx = nx
         self.nu = nu
 
