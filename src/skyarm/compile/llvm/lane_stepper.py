@@ -16,7 +16,7 @@ from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.llvm.shared_steps import SharedSteps, Workers
 from skyarm.compile.machine_code import NoMachineCodeError
-from skyarm.compile.tracing.program import Loop, trace_loop
+from skyarm.compile.tracing.program import Loop, trace_call
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.leaves import Tree, rebuild
 
@@ -255,13 +255,7 @@ class Quick:
     """
 
     def __init__(self, function: Callable[..., Tree], *examples: Tree) -> None:
-        loop = trace_loop(
-            lambda _carry, _parameters, row, _uniforms: ((), function(*row)),
-            (),
-            (),
-            examples,
-            loops=True,
-        )
+        loop = trace_call(function, *examples)
         self.inputs: Array
         self.outputs: Array
         self.step: Callable[[], None]

@@ -19,7 +19,7 @@ from skyarm.algebra import ZERO3_DATA, Quaternion, Scalar, Scalars, differences
 from skyarm.algebra.scalars import maximum, minimum
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.program import trace_loop
+from skyarm.compile.tracing.program import trace_call, trace_loop
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.laws.predictive.cost import (
     ContactGoal,
@@ -50,23 +50,15 @@ class Compiled(Generic[Result]):
     """
 
     def __init__(self, function: Callable[..., Result], *examples: Tree) -> None:
-        def step(
-            carry: Tree, _par: Tree, row: tuple[Tree, ...], _uniforms: Tree
-        ) -> tuple[Tree, Result]:
-            return carry, function(*row)
-
-        self.kernel = Kernel(
-            trace_loop(step, (0.0,), (), examples), Lanes(1), logging=True
-        )
+        self.kernel = Kernel(trace_call(function, *examples), Lanes(1), logging=True)
 
     def __call__(self, *parts: Array) -> Array:
         """Evaluate the compiled function on flattened arguments, or on T rows of
         flattened arguments at once.
         """
         rows = np.concatenate(parts, axis=-1)
-        _, log = self.kernel.run(
-            np.zeros((1, 1)), np.zeros((0, 1)), np.atleast_2d(rows)
-        )
+        nothing = np.zeros((0, 1))
+        _, log = self.kernel.run(nothing, nothing, np.atleast_2d(rows))
         values = np.ascontiguousarray(log[:, :, 0])
         return values if rows.ndim > 1 else np.asarray(values[0])
 
