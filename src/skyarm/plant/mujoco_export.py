@@ -150,7 +150,7 @@ def _hover_speeds(
     vehicle: Vehicle, joints: tuple[float, ...], gravity: float
 ) -> Scalars:
     """Rotor speeds for level hover, rad/s; zeros if hover is impossible."""
-    still = (0.0,) * len(vehicle.rotors)
+    still = vehicle.rotor_zeros
     try:
         trim = hover_trim(vehicle, joints, gravity)
     except AllocationError:

@@ -397,6 +397,11 @@ class Vehicle:
         return (0.0,) * self.n
 
     @property
+    def rotor_zeros(self) -> tuple[float, ...]:
+        """Zero for each rotor, as the speeds of rotors that stand still."""
+        return (0.0,) * len(self.rotors)
+
+    @property
     def joints(self) -> tuple[Joint, ...]:
         """Joints of the links, in their order."""
         return tuple(link.joint for link in self.links)

@@ -82,7 +82,7 @@ def make_command(
 
 def no_command(vehicle: Vehicle) -> Command:
     """Command of zeros, in place of the previous command at the first control step."""
-    return Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=vehicle.zeros)
+    return Command(rotor_speeds=vehicle.rotor_zeros, efforts=vehicle.zeros)
 
 
 def standing_command(model: Model) -> Command:

@@ -233,7 +233,7 @@ def first_memory(par: PressingParameters) -> PressingMemory:
     vehicle = par.model.vehicle
     return PressingMemory(
         started=0.0,
-        observed=first_observed(vehicle.n, (0.0,) * len(vehicle.rotors)),
+        observed=first_observed(vehicle.n, vehicle.rotor_zeros),
         sent=no_command(vehicle),
         interaction=first_interaction(vehicle.n),
     )

@@ -481,7 +481,7 @@ def _structs(
     vehicle = controller.par.model.vehicle
     angles = (0.0,) * (len(vehicle.tilts) if turns_rotors(controller) else 0)
     command = Command(
-        rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=vehicle.zeros, tilts=angles
+        rotor_speeds=vehicle.rotor_zeros, efforts=vehicle.zeros, tilts=angles
     )
     units = {"command": command_units(vehicle)}
     if behind_filter:

@@ -154,7 +154,7 @@ def first_memory(controller: Controller) -> SafetyMemory:
         joints=still,
         ramping=still,
         arm=still,
-        sent=Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=still),
+        sent=Command(rotor_speeds=vehicle.rotor_zeros, efforts=still),
         confidence=Confidence(given_up=0.0, outside=0.0, calm=0.0),
         hold=ZERO3_DATA,
         yaw=0.0,

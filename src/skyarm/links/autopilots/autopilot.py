@@ -292,7 +292,7 @@ def move_arm(
     )[1]
     # the base is flown by the autopilot: the plant ignores these speeds
     return memory, Command(
-        rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=limit_efforts(par, torques)
+        rotor_speeds=vehicle.rotor_zeros, efforts=limit_efforts(par, torques)
     )
 
 

@@ -204,7 +204,7 @@ def take_off_scenario(scenario: Scenario) -> Scenario:
         velocity=ZERO3_DATA,
         rate=ZERO3_DATA,
         joint_rates=vehicle.zeros,
-        rotor_speeds=(0.0,) * len(vehicle.rotors),
+        rotor_speeds=vehicle.rotor_zeros,
     )
     # the take-off has its own scenario: wind, faults, payloads and changes belong to
     # the flight and would act at the wrong time
@@ -378,7 +378,7 @@ class PilotedSession(Session):
         self._axes = mount_rotation(inertial_unit(self.scenario).turned_by)
         self._every = self.scenario.rates.control // self.scenario.rates.reference
         self._period = self.scenario.rates.period
-        stopped = (0.0,) * len(self.scenario.agent.vehicle.rotors)
+        stopped = self.scenario.agent.vehicle.rotor_zeros
         self._signals: Sequence[float] = (
             stopped if self._link is None else self._signals
         )

@@ -178,7 +178,7 @@ class PX4Link(ProgramLink):
         self._udp: socket.socket | None = None
         self._partner = ("", 0)
         vehicle = scenario.agent.vehicle
-        self._rotors, self._signals = len(vehicle.rotors), (0.0,) * len(vehicle.rotors)
+        self._rotors, self._signals = len(vehicle.rotors), vehicle.rotor_zeros
         self._rate = scenario.rates.control
         self._goal_every = max(1, self._rate // 50)
         self._stand = float(first_state(scenario).position.z) - record.climb

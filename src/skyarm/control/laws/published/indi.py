@@ -256,7 +256,7 @@ def first_memory(par: IndiParameters) -> IndiMemory:
         rate=ZERO3_DATA,
         joint_rates=(0.0,) * n,
         sent=(no_command(vehicle),) * (par.delay_periods + 1),
-        speeds=() if par.measured_speeds else (0.0,) * len(vehicle.rotors),
+        speeds=() if par.measured_speeds else vehicle.rotor_zeros,
     )
 
 
