@@ -15,11 +15,13 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.drive import Drive, TorqueDrive
+from skyarm.dynamics.state import example_state
 from skyarm.plant.interface import Truth
 from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import JointDrive, ScenarioError, trimmed_state
 from skyarm.simulate import Delays, run
+from skyarm.simulate.command_delay import drives_after
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run_in_python
 from skyarm.world import Fault
@@ -39,6 +41,25 @@ def out_arm(**fields: Any):
     """High up, the arm stretched out, so that gravity pulls on it."""
     start = trimmed_state(BASE.plant, Vec3(0.0, 0.0, 50.0), 0.0, (0.5, 0.3))
     return dataclasses.replace(BASE, initial=start, **fields), start
+
+
+class Recorder:
+    """Drive whose memory is the setpoint that it received last."""
+
+    def advance(self, memory, setpoint, position, rate, dt):
+        return setpoint
+
+
+@pytest.mark.parametrize("late", [0.0, 0.0015, 0.005])
+def test_a_drive_receives_the_mean_of_the_two_setpoints_of_a_period(late):
+    """The oracle samples both on a clock a thousand times as fine."""
+    period, count = 0.005, 1000
+    before, after = (Command(rotor_speeds=(), efforts=(each,)) for each in (2.0, -1.0))
+    now = (np.arange(count) + 0.5) * period / count
+    received = drives_after(
+        (Recorder(),), (0.0,), before, after, late, example_state(1, 0), period
+    )
+    assert received == pytest.approx([np.where(now < late, 2.0, -1.0).mean()])
 
 
 @pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])

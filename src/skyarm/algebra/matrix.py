@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, SupportsIndex
 
 from skyarm.algebra.scalars import Scalar, add, cos, mul, neg, same, sin, sub
-from skyarm.algebra.vector import ArrayLike, Vec3
+from skyarm.algebra.vector import E_X, E_Y, E_Z, ZERO3, ArrayLike, Vec3
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +21,7 @@ class Mat3(ArrayLike):
     @classmethod
     def identity(cls) -> Mat3:
         """Identity matrix of constant (int) entries."""
-        return cls(Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
+        return cls(E_X, E_Y, E_Z)
 
     @classmethod
     def columns(cls, c0: Vec3, c1: Vec3, c2: Vec3) -> Mat3:
@@ -100,7 +100,7 @@ class Mat3(ArrayLike):
     def cleared_row(self, i: int) -> Mat3:
         """Matrix with row ``i`` replaced by constant zeros."""
         rows = list(self.rows)
-        rows[i] = Vec3(0, 0, 0)
+        rows[i] = ZERO3
         return Mat3(*rows)
 
     def turning_axis(self) -> int | None:

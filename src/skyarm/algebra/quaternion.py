@@ -163,12 +163,17 @@ def euler_rotation(sines: Scalars, cosines: Scalars) -> Mat3:
     """Rotation Rz(psi) Ry(theta) Rx(phi) from sines and cosines of phi, theta, psi: the
     inverse of euler_angles.
     """
+    return Mat3(*(euler_row(sines, cosines, axis) for axis in range(3)))
+
+
+def euler_row(sines: Scalars, cosines: Scalars, axis: int) -> Vec3:
+    """Row of :func:`euler_rotation`, 0 to 2."""
     (sr, sp, sy), (cr, cp, cy) = sines, cosines
-    return Mat3(
-        Vec3(cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
-        Vec3(sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
-        Vec3(-sp, cp * sr, cp * cr),
-    )
+    if axis == 0:
+        return Vec3(cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr)
+    if axis == 1:
+        return Vec3(sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr)
+    return Vec3(-sp, cp * sr, cp * cr)
 
 
 def euler_angles(R_WB: Mat3) -> tuple[Any, Any, Any]:

@@ -390,7 +390,7 @@ def _input_error(error: Exception) -> str:
         what = (
             "standard output"
             if error.filename is None
-            else f"file = {shown(os.fspath(error.filename))}"
+            else f"file = {shown(error.filename)}"
         )
         return (
             f"{what}: must be usable"

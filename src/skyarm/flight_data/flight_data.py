@@ -316,7 +316,7 @@ def load_flight(
             does not fit.
     """
     name, number = split_path(path)
-    at = f"flight = {shown(os.fspath(path))}"
+    at = f"flight = {shown(path)}"
     file = Path(name)
     if not os.path.isdir(file):
         require_file(file, at)
@@ -391,7 +391,7 @@ def format_name(path: PathLike) -> str:
         ValueError: one line: an empty file, or a format that is not known.
     """
     file = Path(split_path(path)[0])
-    at = f"flight = {shown(os.fspath(path))}"
+    at = f"flight = {shown(path)}"
     folder = file.is_dir()
     head = b""
     if not folder:

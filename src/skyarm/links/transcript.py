@@ -187,10 +187,7 @@ def _rows_for(name: str, rows: Iterator[Row], file: str) -> Iterator[Row]:
 
 def _require_writable(path: Path) -> None:
     """Check that a transcript file can be written, without touching it."""
-    where = (
-        f"controller.transcript = {shown(str(path))}: must be a file that can be"
-        " written"
-    )
+    where = f"controller.transcript = {shown(path)}: must be a file that can be written"
     try:
         if not path.parent.is_dir():
             raise TranscriptError(f"{where} (its folder is missing)")
@@ -200,7 +197,7 @@ def _require_writable(path: Path) -> None:
             raise TranscriptError(f"{where} (it is a folder, or not ours)")
         if path.is_file() and path.stat().st_size and not _is_transcript(path):
             raise TranscriptError(
-                f"controller.transcript = {shown(str(path))}: must not be a file of"
+                f"controller.transcript = {shown(path)}: must not be a file of"
                 " another kind"
             )
     except OSError as error:
@@ -236,7 +233,7 @@ def _writing(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise TranscriptError(
-            f"controller.transcript = {shown(str(path))}: must be a file that can be"
+            f"controller.transcript = {shown(path)}: must be a file that can be"
             f" written ({error.strerror})"
         ) from None
 
@@ -248,7 +245,7 @@ def rows_of(path: Path) -> Iterator[Row]:
     Raises:
         TranscriptError: no transcript.
     """
-    where, begun = f"controller.replayed = {shown(str(path))}", False
+    where, begun = f"controller.replayed = {shown(path)}", False
     try:
         # a quarter of a MiB at a time, since messages are small
         with io.BufferedReader(gzip.open(path.expanduser(), "rb"), 1 << 18) as file:

@@ -91,7 +91,7 @@ def read_npz(path: PathLike) -> Log:
     Raises:
         OSError: the file cannot be read. ValueError: it is no log.
     """
-    return log_from_npz(Path(path).read_bytes(), f"log = {shown(os.fspath(path))}")
+    return log_from_npz(Path(path).read_bytes(), f"log = {shown(path)}")
 
 
 def log_from_npz(file: bytes, name: str) -> Log:
@@ -166,7 +166,7 @@ def require_format(path: PathLike, field: str = "log") -> LogFormat:
     """
     return _format(
         Path(path).suffix.removeprefix("."),
-        f"{field} = {shown(str(path))}",
+        f"{field} = {shown(path)}",
         names("log_format"),
     )
 
@@ -178,7 +178,7 @@ def require_readable(path: PathLike, field: str = "log") -> Callable[[Path], Log
         RegistryError: no such format, or one that keeps too little; names the formats
             that can be read.
     """
-    suffix, at = Path(path).suffix.removeprefix("."), f"{field} = {shown(str(path))}"
+    suffix, at = Path(path).suffix.removeprefix("."), f"{field} = {shown(path)}"
     readable = [
         name
         for name in names("log_format")
@@ -239,7 +239,7 @@ def as_log(given: Log | PathLike) -> Log:
         raise ValueError(
             f"log = {shown(given)}: must be a Log or the path of one's file"
         )
-    require_file(given, f"log = {shown(os.fspath(given))}")
+    require_file(given, f"log = {shown(given)}")
     return load_log(given)
 
 

@@ -37,8 +37,7 @@ from skyarm.algebra import (
 )
 from skyarm.algebra.scalars import sqrt
 from skyarm.algebra.scalars.taylor import Taylor, as_series
-from skyarm.compile.llvm.kernel import Kernel, host_width
-from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.tracing.program import trace_loop
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.laws.predictive.prediction import (
@@ -710,14 +709,10 @@ class CompiledStage:
             )
 
         row = ((0.0,) * nx, (0.0,) * nu, (0.0,) * nx, data)
-        lanes = Lanes(host_width())
         tangent = ((0.0,) * nt, (0.0,) * nu)
-        self._slopes = Kernel(
-            trace_loop(slopes, (0.0,), tangent, row), lanes, logging=True
-        )
+        self._slopes = Kernel(trace_loop(slopes, (0.0,), tangent, row), logging=True)
         self._values = Kernel(
             trace_loop(along, (0.0,), (0.0,), (*row, *tangent, (0.0,) * nt)),
-            lanes,
             logging=True,
         )
         values = parts["values"]

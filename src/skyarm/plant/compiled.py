@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
 
-from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra import Scalar, Vec3
 from skyarm.algebra.scalars import (
     clip,
     data,
@@ -21,7 +21,7 @@ from skyarm.algebra.scalars import (
 from skyarm.compile import Program, trace
 from skyarm.compile.tracing.lower import repeat, repeat_while
 from skyarm.compile.tracing.program import Flat as FlatFunction
-from skyarm.compile.tracing.program import trace_loop
+from skyarm.compile.tracing.program import trace_call
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.state import example_state
@@ -341,15 +341,13 @@ class RigidBodyPlant:
         if seconds not in self._programs:
 
             def interval(
-                _: tuple[()],
-                __: tuple[()],
-                inputs: tuple[tuple[State, ...], tuple[Command, ...], Together],
-                ___: Scalars,
-            ) -> tuple[tuple[()], Moved]:
-                states, commands, around = inputs
+                states: tuple[State, ...],
+                commands: tuple[Command, ...],
+                around: Together,
+            ) -> Moved:
                 now = (states, around.coupled_memories())
                 count = self.substeps(seconds)
-                return (), hold(
+                return hold(
                     self._worlds,
                     self._integrator,
                     count,
@@ -359,9 +357,7 @@ class RigidBodyPlant:
                     seconds,
                 )
 
-            self._programs[seconds] = trace_loop(
-                interval, (), (), self._examples, loops=True
-            ).stepper()
+            self._programs[seconds] = trace_call(interval, *self._examples).stepper()
         return self._programs[seconds]((*state, *command, *around))
 
     @cached_property

@@ -29,6 +29,7 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from skyarm.algebra import Mat3, Scalar, Vec3
+from skyarm.algebra.quaternion import euler_rotation, euler_row
 from skyarm.algebra.scalars import cos, sin
 from skyarm.algebra.scalars.taylor import Taylor, nth_derivative
 from skyarm.records.field_rules import checked
@@ -38,11 +39,7 @@ from skyarm.records.units import Unit, nonnegative
 from skyarm.reference.reference_tables import motion_from
 from skyarm.reference.signals import Constant, Derivatives, Ramp, Signal, Sum
 from skyarm.reference.task_records import Setting
-from skyarm.reference.tip_motion import (
-    rotation_columns,
-    rotation_row,
-    vector_derivatives,
-)
+from skyarm.reference.tip_motion import vector_derivatives
 
 PHASES = ("hold", "lift", "carry", "turn", "tilt", "place")
 
@@ -117,23 +114,20 @@ class PoseTrajectory:
             Taylor.of_derivatives(each.derivatives(t))
             for each in (self.roll, self.pitch, self.yaw)
         ]
-        turns = [(cos(each), sin(each)) for each in angles]
-        columns = rotation_columns(turns)
-        c, s = turns[2]
+        sines, cosines = tuple(map(sin, angles)), tuple(map(cos, angles))
+        R = euler_rotation(sines, cosines)
         roll, pitch, yaw = (each.derivative_series() for each in angles)
         # the angular velocity is each angle's rate about its own axis, of ZYX angles
         turn = [
-            columns[0].x * roll - s * pitch,
-            columns[0].y * roll + c * pitch,
-            columns[0].z * roll + yaw,
+            R.r0.x * roll - sines[2] * pitch,
+            R.r1.x * roll + cosines[2] * pitch,
+            R.r2.x * roll + yaw,
         ]
         return BodyMotion(
             position=position,
             velocity=velocity,
             acceleration=acceleration,
-            R=Mat3.columns(
-                *(Vec3(*(nth_derivative(c, 0) for c in column)) for column in columns)
-            ),
+            R=Mat3(*(Vec3(*(nth_derivative(c, 0) for c in row)) for row in R.rows)),
             rate=Vec3(*(nth_derivative(c, 0) for c in turn)),
             turning=Vec3(*(nth_derivative(c, 1) for c in turn)),
         )
@@ -171,12 +165,12 @@ class CarriedPlace(Signal):
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives one to four at time t (s)."""
-        roll, pitch, yaw, middle, *place = (
+        *angles, middle, x, y, z = (
             Taylor.of_derivatives(each.derivatives(t))
             for each in (self.roll, self.pitch, self.yaw, self.middle, *self.place)
         )
-        row = rotation_row(((cos(a), sin(a)) for a in (roll, pitch, yaw)), self.axis)
-        along = sum((each * p for each, p in zip(row, place, strict=True)), middle)
+        row = euler_row(tuple(map(sin, angles)), tuple(map(cos, angles)), self.axis)
+        along = sum((each * p for each, p in zip(row, (x, y, z), strict=True)), middle)
         return tuple(map(along.derivative, range(5)))
 
 

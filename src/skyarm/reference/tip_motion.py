@@ -22,7 +22,7 @@ valve.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
@@ -142,27 +142,6 @@ def vector_derivatives(signals: Sequence[Signal], t: Scalar) -> FiveVectors:
     """
     rows = [signal.derivatives(t) for signal in signals]
     return tuple(Vec3(*column) for column in zip(*rows, strict=True))
-
-
-def rotation_row(turns: Iterable[tuple[Scalar, Scalar]], axis: int) -> Vec3:
-    """Row of the rotation R_z(yaw) R_y(pitch) R_x(roll), from cosine and sine of roll,
-    pitch and yaw.
-    """
-    # one row: the caller needs one coordinate
-    (cr, sr), (cp, sp), (cy, sy) = turns
-    if axis == 0:
-        return Vec3(cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr)
-    if axis == 1:
-        return Vec3(sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr)
-    return Vec3(-sp, cp * sr, cp * cr)
-
-
-def rotation_columns(turns: Sequence[tuple[Scalar, Scalar]]) -> tuple[Vec3, Vec3, Vec3]:
-    """Columns of the rotation R_z(yaw) R_y(pitch) R_x(roll), from cosine and sine of
-    roll, pitch and yaw.
-    """
-    x, y, z = zip(*(rotation_row(turns, axis) for axis in range(3)), strict=True)
-    return Vec3(*x), Vec3(*y), Vec3(*z)
 
 
 def rotate_by_yaw(yaw: Sequence[Scalar], v: Vec3) -> Vec3:

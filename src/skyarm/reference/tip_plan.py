@@ -25,6 +25,7 @@ from typing import Annotated
 import numpy as np
 
 from skyarm.algebra import Mat3, Vec3, ldl_solve
+from skyarm.algebra.quaternion import euler_rotation
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.dynamics.workspace import middle_position, reach
 from skyarm.records.field_rules import accept_fields
@@ -37,7 +38,7 @@ from skyarm.reference.signal_tables import SignalList
 from skyarm.reference.signals import Constant, Signal
 from skyarm.reference.splines import BEYOND, interpolating_points, uniform_curve
 from skyarm.reference.task_records import Setting
-from skyarm.reference.tip_motion import TipMotion, arm_of, rotation_columns
+from skyarm.reference.tip_motion import TipMotion, arm_of
 from skyarm.reference.trajectory import Trajectory
 from skyarm.vehicle import Frame, Vehicle
 
@@ -454,11 +455,9 @@ def _heading(angle: float) -> Mat3:
     return _turn(0.0, 0.0, angle)
 
 
-def _turn(roll: float, pitch: float, yaw: float) -> Mat3:
-    """Rotation matrix R_z(yaw) R_y(pitch) R_x(roll)."""
-    return Mat3.columns(
-        *rotation_columns([(math.cos(a), math.sin(a)) for a in (roll, pitch, yaw)])
-    )
+def _turn(*angles: float) -> Mat3:
+    """Rotation matrix R_z(yaw) R_y(pitch) R_x(roll) of roll, pitch and yaw."""
+    return euler_rotation(tuple(map(math.sin, angles)), tuple(map(math.cos, angles)))
 
 
 def tip_trajectory(

@@ -593,14 +593,14 @@ def controller_of_file(
             " tune' wrote (.toml)"
         )
     path = folder / name
-    require_file(path, f"{field} = {shown(os.fspath(path))}")
+    require_file(path, f"{field} = {shown(path)}")
     try:
         document = read_toml(path.read_bytes())
         require_kind(document, "gains")
         return _controller(Fields(document, ""), model, timing)
     except OSError as error:
         raise ValueError(
-            f"{field} = {shown(os.fspath(path))}: must be readable ({error.strerror})"
+            f"{field} = {shown(path)}: must be readable ({error.strerror})"
         ) from None
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None

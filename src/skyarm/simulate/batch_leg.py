@@ -281,8 +281,9 @@ class LegOptions:
     flights.
 
     Attributes:
-        paths: varied numbers. lanes: vector shape. stiffest: scenario that fixes the
-            integration steps; None for the batch's own.
+        paths: varied numbers. lanes: vector shape; None for the processor's own, equal
+            to Python to the bit. stiffest: scenario that fixes the integration steps;
+            None for the batch's own.
         wanted: totals that are counted, of each vehicle. masks: window -> (steps,)
             which instants lie in it.
         every: keep each so many periods' state, command and reference; 0 keeps none.
@@ -290,7 +291,7 @@ class LegOptions:
     """
 
     paths: tuple[str, ...]
-    lanes: Lanes
+    lanes: Lanes | None = None
     stiffest: Scenario | None = None
     wanted: Sequence[Sequence[Total]] = ()
     masks: Mapping[str, Array] = field(default_factory=dict)

@@ -12,8 +12,11 @@ from typing import NamedTuple
 
 from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.scalars import add, floor, maximum, minimum, same
+from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.actuators.drive import Drive
 from skyarm.dynamics.actuators.rotor import require_speeds
+from skyarm.plant.surroundings import Memories
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.files import errors_as, shown
@@ -172,22 +175,43 @@ def command_in_force(queue: Sequence[Command], whole: Scalar | None) -> Command:
     return in_force
 
 
-def mean_efforts(
-    before: Command, after: Command, late: Scalar, period: float
-) -> Scalars:
-    """Joint setpoints averaged over a control period in which a new command arrives
-    after ``late`` seconds.
+def drives_after(
+    drives: Sequence[Drive],
+    memories: Memories,
+    before: Command,
+    after: Command,
+    late: Scalar,
+    state: State,
+    period: float,
+) -> Memories:
+    """Internal states of the joint drives after a control period (s) in which a new
+    command arrives after ``late`` seconds.
 
     A drive's memory is stepped once per period: of two setpoints it receives the mean,
     as with its own latency.
+
+    Args:
+        drives: drive of each joint; none where every joint takes a torque.
+        memories: internal states of the drives before it.
+        before: command before the new one arrives.
+        after: the new one.
+        late: s.
+        state: state of the vehicle at the beginning.
+        period: s.
     """
+    setpoints: Scalars = after.efforts
     # a delay that is known to be none costs nothing; a traced one may be of any size
-    if type(late) is float and late == 0.0:
-        return tuple(after.efforts)
-    share = late / period
+    if not (type(late) is float and late == 0.0):
+        share = late / period
+        setpoints = tuple(
+            new + (old - new) * share
+            for old, new in zip(before.efforts, after.efforts, strict=True)
+        )
+    rows = zip(
+        drives, memories, setpoints, state.joints, state.joint_rates, strict=False
+    )
     return tuple(
-        new + (old - new) * share
-        for old, new in zip(before.efforts, after.efforts, strict=True)
+        drive.advance(memory, u, q, qd, period) for drive, memory, u, q, qd in rows
     )
 
 

@@ -398,11 +398,10 @@ class Engine:
         # one array for good: a copy in each stretch would be garbage
         self._before = self._stepper.carry.copy()
         self._first = 0  # period of the inputs' first row
-        self._rows = self._input_rows()
         # of a row but for the commands
-        self._width = self.inputs.rows.shape[1]
-        self.recorder = FlightRecorder(code.sample, len(self._rows))
-        self._stepper.read_tables(self._rows, self.recorder.table)
+        length, self._width = self.inputs.rows.shape
+        self.recorder = FlightRecorder(code.sample, length)
+        self._read_inputs()
         self.tick = self.begun = 0
         self.ended: Ended | None = None
         self._stretch = 1
@@ -423,16 +422,17 @@ class Engine:
         kernel = Kernel(loop, Lanes(1), logging=True) if peek else self.code.kernel
         return Stepper(kernel, carry, parameters, seed=seed, episode=episode)
 
-    def _input_rows(self) -> Array:
-        """Table of inputs of all control periods: time, reference, then room for
+    def _read_inputs(self) -> None:
+        """Make the table of inputs that the steps read: time, reference, then room for
         commands from the user.
         """
-        rows = self.inputs.rows
-        if not self.code.commands:
-            return rows
-        # a mode for each vehicle, then the numbers of each command
-        room = len(self._command_sizes) + sum(self._command_sizes)
-        return np.hstack([rows, np.zeros((len(rows), room))])
+        self._rows = self.inputs.rows
+        if self.code.commands:
+            # a mode for each vehicle, then the numbers of each command
+            room = len(self._command_sizes) + sum(self._command_sizes)
+            nothing = np.zeros((len(self._rows), room))
+            self._rows = np.hstack([self._rows, nothing])
+        self._stepper.read_tables(self._rows, self.recorder.table)
 
     @cached_property
     def _command_sizes(self) -> list[int]:
@@ -461,9 +461,8 @@ class Engine:
         self._inputs = FlightInputs(
             self.scenario, self._first, self.code.window, self.inputs
         )
-        self._rows = self._input_rows()
         self.recorder.first = self._first
-        self._stepper.read_tables(self._rows, self.recorder.table)
+        self._read_inputs()
 
     def step(
         self, commands: Sequence[Sequence[float]] = (), *, rotors_only: bool = False
@@ -739,8 +738,7 @@ class Engine:
         self._stepper.parameters[:] = [*numbers.values()]
         # rows hold the reference; other numbers are parameters
         if any(word_of(path).startswith("reference.") for path in changed):
-            self._rows = self._input_rows()
-            self._stepper.read_tables(self._rows, self.recorder.table)
+            self._read_inputs()
         return True
 
     def take_over(self, other: Engine, *, anew: Collection[str]) -> None:

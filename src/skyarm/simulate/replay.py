@@ -13,9 +13,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
-from skyarm.compile.llvm.kernel import Kernel, host_width
+from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.lane_stepper import LaneStepper
-from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.program import trace_loop
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.drive import Drive
@@ -28,7 +27,7 @@ from skyarm.plant.surroundings import Memories, Surroundings, Together
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Dataclass, Tree, field_names, leaves
-from skyarm.simulate.command_delay import mean_efforts, switches
+from skyarm.simulate.command_delay import drives_after, switches
 from skyarm.vehicle import Vehicle
 from skyarm.world import Component, Effectiveness, Wrench
 
@@ -78,8 +77,9 @@ class Inputs:
     late: tuple[Scalar, Scalar]
 
 
-# no cut of LoopProgram: it has neither a scenario nor its sensors, law, delays and
-# random numbers; its lanes differ in inputs, which a PeriodRow gives all lanes alike
+# no cut of LoopProgram: its step is that of a log's clock, as 0.0040016 s, and rates of
+# scenarios are whole numbers of Hz; it has no sensors, law and random numbers, and its
+# commands, which arrive within a step, differ from lane to lane
 class CommandReplay:
     """Compiled plant model that flies under logged commands.
 
@@ -157,19 +157,14 @@ class CommandReplay:
             before, memories = carry
             numbers = dict(zip(self.names, given.numbers, strict=True))
             vehicle = vehicle_of(numbers)
-            setpoints = mean_efforts(given.before, given.after, given.late[1], step)
-            rows = zip(
+            memories = drives_after(
                 drives_of(vehicle),
                 memories,
-                setpoints,
-                before.joints,
-                before.joint_rates,
-                # there is no drive at all where every joint takes a torque
-                strict=False,
-            )
-            memories = tuple(
-                drive.advance(memory, mean, q, qd, step)
-                for drive, memory, mean, q, qd in rows
+                given.before,
+                given.after,
+                given.late[1],
+                before,
+                step,
             )
             worlds = (Truth(vehicle=vehicle, gravity=gravity),)
             beside = Together((around(vehicle, given, memories),))
@@ -184,11 +179,9 @@ class CommandReplay:
             return (after, memories), tuple(sensed(numbers, before, after))
 
         loop = trace_loop(fly, (state, memories), self._inputs, (), loops=True)
-        # contracted, its bits would depend on the effort of the compiler: a search and
-        # a design decide by them
-        self._kernel = Kernel(
-            loop, Lanes(host_width(), contract=False), logging=True, effort=1
-        )
+        # lanes that are not contracted: else its bits would depend on the effort of the
+        # compiler, and a search and a design decide by them
+        self._kernel = Kernel(loop, logging=True, effort=1)
 
     def flights(self, lanes: int, threads: int = 1) -> ReplayedFlights:
         """Make flights simulated side by side, all at rest at the origin, with the

@@ -50,8 +50,8 @@ from skyarm.simulate.check_endings import both_hold, healthy
 from skyarm.simulate.command_delay import (
     command_delay,
     command_in_force,
+    drives_after,
     joined_parts,
-    mean_efforts,
     rotor_and_joint_delays,
 )
 from skyarm.simulate.draws import draw_plan
@@ -634,26 +634,15 @@ class AgentStages:
         """Advance the joint drives by a control period, under the mean of the setpoints
         that act in it.
         """
-        if not drives:
-            return ()
-        heard = mean_efforts(
+        return drives_after(
+            self.scenario.agent.all_drives,
+            drives,
             before,
             acting,
             # of two delays that of the joints; drives turn no rotors
             self.late if self.apart is None else self.apart[1][1],
+            state,
             self.period,
-        )
-        rows = zip(
-            self.scenario.agent.all_drives,
-            drives,
-            heard,
-            state.joints,
-            state.joint_rates,
-            strict=True,
-        )
-        return tuple(
-            drive.advance(memory, u, q, qd, self.period)
-            for drive, memory, u, q, qd in rows
         )
 
 

@@ -17,7 +17,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.algebra import Mat3, Sym3, Vec3
+from skyarm.algebra import E_Z, ZERO3, Mat3, Sym3, Vec3
 from skyarm.records.immutable import positional
 from skyarm.vehicle import check, description
 from skyarm.vehicle.check import VehicleError, unused_name
@@ -36,7 +36,7 @@ class _Piece:
     name: str
     parent: str = ""
     joint_name: str = ""
-    position: Vec3 = Vec3(0, 0, 0)
+    position: Vec3 = ZERO3
     rotation: Mat3 = Mat3.identity()
     body: Body | None = None
     joint: Joint | None = None
@@ -153,7 +153,7 @@ def _pieces(vehicle: Vehicle, *, one_space: bool) -> list[_Piece]:
                 position=frame.position,
                 rotation=frame.rotation,
                 body=spun if turns else None,
-                joint=Joint(name=joint, axis=Vec3(0, 0, 1)) if turns else None,
+                joint=Joint(name=joint, axis=E_Z) if turns else None,
             )
         )
     return pieces

@@ -234,7 +234,7 @@ def _read(
             refuse(field, name, allowed)
         reason = unreadable(path)
         if reason:
-            refuse(field, name, f"{reason} ({shown(str(path))[1:-1]})")
+            refuse(field, name, f"{reason} ({shown(path)[1:-1]})")
         # resolved paths, so that a ring through links or .. is found
         if path.resolve() in chain:
             refuse(field, name, "must not lead back to a file that refers to it")

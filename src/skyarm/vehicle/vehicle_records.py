@@ -14,7 +14,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import field, replace
 from typing import Annotated, Any, Literal
 
-from skyarm.algebra import ZERO3, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra import E_Z, ZERO3, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add, divide, mul, neg, where
 from skyarm.records.coerce import (
     concrete,
@@ -110,7 +110,7 @@ class Rotor:
     ]
     axis: Annotated[
         Vec3, Unit("", "unit vector of positive thrust, base axes", rule=unit_vector)
-    ] = Vec3(0, 0, 1)
+    ] = E_Z
     direction: Annotated[
         int,
         Unit(

@@ -16,7 +16,7 @@ from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.llvm.shared_steps import SharedSteps, Workers
 from skyarm.compile.machine_code import NoMachineCodeError
-from skyarm.compile.tracing.program import Loop, trace_loop
+from skyarm.compile.tracing.program import Loop, trace_call
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.leaves import Tree, rebuild
 
@@ -255,19 +255,15 @@ class Quick:
     Attributes:
         inputs, outputs: leaves of the arguments and of the result. step: function that
             evaluates.
+        result: record that the function returns, as an example.
     """
 
     def __init__(self, function: Callable[..., Tree], *examples: Tree) -> None:
-        loop = trace_loop(
-            lambda _carry, _parameters, row, _uniforms: ((), function(*row)),
-            (),
-            (),
-            examples,
-        )
+        loop = trace_call(function, *examples)
         self.inputs: Array
         self.outputs: Array
         self.step: Callable[[], None]
-        self._result = loop.result[1]
+        self.result = loop.result[1]
         try:
             # what is called once a step is worth its making: all of LLVM's effort
             stepper = Stepper(Kernel(loop, Lanes(1), logging=True), np.zeros(0))
@@ -282,7 +278,7 @@ class Quick:
 
     def shaped(self) -> Any:
         """Output values as the dataclass that the compiled function returns."""
-        return rebuild(self._result, iter(self.outputs.tolist()))
+        return rebuild(self.result, iter(self.outputs.tolist()))
 
     def _in_python(self, loop: Loop) -> Callable[[], None]:
         program = loop.stepper()

@@ -341,3 +341,20 @@ def trace_loop(
         result,
         own_seeds,
     )
+
+
+def trace_call(function: Callable[..., Tree], *examples: Tree) -> Loop:
+    """Trace a function as a step without a state, whose repetitions stay loops.
+
+    Args:
+        function: takes records, returns one, which the step logs.
+        examples: records whose leaves become the step's inputs, in order; their
+            integers stay structure.
+    """
+    return trace_loop(
+        lambda _carry, _parameters, row, _uniforms: ((), function(*row)),
+        (),
+        (),
+        examples,
+        loops=True,
+    )

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Annotated, Any, TypeVar
 
-from skyarm.algebra import Mat3, Scalar, Scalars, Vec3, ldl_solve
+from skyarm.algebra import E_X, E_Y, E_Z, Mat3, Scalar, Scalars, Vec3, ldl_solve
 from skyarm.algebra.scalars import add, divide, mul
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
@@ -26,7 +26,7 @@ from skyarm.records.units import Unit
 from skyarm.vehicle import Link, Vehicle
 
 # ints are known before compilation, so that products with them vanish
-AXES = (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
+AXES = (E_X, E_Y, E_Z)
 
 Term = TypeVar("Term", Scalar, Vec3)
 

@@ -178,7 +178,8 @@ class PX4Link(ProgramLink):
         self._udp: socket.socket | None = None
         self._partner = ("", 0)
         vehicle = scenario.agent.vehicle
-        self._rotors, self._signals = len(vehicle.rotors), (0.0,) * len(vehicle.rotors)
+        self._rotors = len(vehicle.rotors)
+        self._signals = (0.0,) * self._rotors
         self._rate = scenario.rates.control
         # set points go out at 50 Hz
         self._goal_every = max(1, self._rate // 50)

@@ -10,15 +10,9 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
-import numpy as np
-
 from skyarm.algebra import ZERO3_DATA, Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import clip
-from skyarm.compile.llvm.kernel import Kernel
-from skyarm.compile.llvm.lane_stepper import Stepper
-from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.machine_code import NoMachineCodeError
-from skyarm.compile.tracing.program import Loop, trace_loop
+from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.control.controller import Controller
 from skyarm.control.law_checks import checked_law
 from skyarm.control.model import Model
@@ -32,7 +26,6 @@ from skyarm.links.outside.rate_commands import (
     angular_acceleration,
     rotor_wrench,
 )
-from skyarm.records.arrays import Array
 from skyarm.records.coerce import refuse
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
@@ -204,9 +197,6 @@ OTHER = 0.01
 an accelerometer."""
 
 
-# no cut of LoopProgram: its measurement comes from outside, and no scenario, plant,
-# sensor or delay takes part; its carry has the modelled rotors and a set point's
-# integral
 class OutsideLaw:
     """Control law evaluated in real time on measured values, compiled to machine code
     if it can be traced.
@@ -327,47 +317,23 @@ class OutsideLaw:
         evaluated operation by operation.
         """
         vehicle = self.controller.par.model.vehicle
-        row = blank_measurement(vehicle.n, len(vehicle.rotors)), example
-        first = np.array(leaves(self._first), dtype=float)
-
-        def period(
-            memory: OutsideMemory,
-            _: tuple[()],
-            given: tuple[Measurement, Reference],
-            __: tuple[()],
-        ) -> tuple[OutsideMemory, OutsideCommand]:
-            return self._period(memory, *given)
-
-        loop = trace_loop(period, self._first, (), row, loops=True)
-        shape: OutsideCommand = loop.result[1]
-        try:
-            stepper = Stepper(Kernel(loop, Lanes(1), logging=True), first)
-        except NoMachineCodeError:
-            return self._operation_by_operation(loop, first, shape)
+        blank = blank_measurement(vehicle.n, len(vehicle.rotors))
+        period = Quick(self._period, self._first, blank, example)
+        first = leaves(self._first)
+        # views: a step reads its inputs in place
+        memory = period.inputs[: len(first)]
+        given = period.inputs[len(first) :]
+        shape: OutsideCommand = period.result[1]
 
         def begin() -> None:
-            stepper.carry[:] = first
+            memory[:] = first
 
         def step(measurement: Measurement, reference: Reference) -> OutsideCommand:
-            stepper.row[:] = (*leaves(measurement), *leaves(reference))
-            stepper.step()
-            return rebuild(shape, iter(stepper.output.tolist()))
-
-        self._begin = begin
-        return step
-
-    def _operation_by_operation(
-        self, loop: Loop, first: Array, shape: OutsideCommand
-    ) -> Callable[..., OutsideCommand]:
-        program = loop.stepper()
-
-        def begin() -> None:
-            self._carry = tuple(first.tolist())
-
-        def step(measurement: Measurement, reference: Reference) -> OutsideCommand:
-            out = program((*self._carry, *leaves(measurement), *leaves(reference)))
-            self._carry = out[: loop.carry]
-            return rebuild(shape, iter(out[loop.carry :]))
+            given[:] = (*leaves(measurement), *leaves(reference))
+            period.step()
+            memory[:] = period.outputs[: len(first)]
+            # the memory stays flat: as a record it takes longer than many a law
+            return rebuild(shape, iter(period.outputs[len(first) :].tolist()))
 
         self._begin = begin
         return step

@@ -69,7 +69,7 @@ class WorldFrame:
         Unit(
             "m", "place of the origin in the autopilot's local frame: north, west, up"
         ),
-    ] = Vec3(0.0, 0.0, 0.0)
+    ] = ZERO3_DATA
     start: Annotated[
         Vec3, Unit("m", "place of the origin in the scenario's world, world axes")
     ] = ZERO3_DATA

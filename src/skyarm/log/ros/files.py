@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -100,7 +99,7 @@ def read_mcap(path: Path) -> Log:
         raise ValueError(
             f"mcap: is missing; a log as MCAP {needs_extra('logs')}"
         ) from None
-    name, content = f"log = {shown(os.fspath(path))}", path.read_bytes()
+    name, content = f"log = {shown(path)}", path.read_bytes()
     try:
         reader = make_reader(io.BytesIO(content), validate_crcs=True)
         flight = next(

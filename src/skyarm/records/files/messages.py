@@ -5,6 +5,7 @@ names.
 from __future__ import annotations
 
 import difflib
+import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
@@ -50,9 +51,12 @@ def comma_list(names: Iterable[object]) -> str:
 
 
 def shown(value: object) -> str:
-    """Text of a value for a message, on one line of bounded length."""
+    """Text of a value for a message, on one line of bounded length; of a path its
+    name.
+    """
+    named = os.fspath(value) if isinstance(value, os.PathLike) else value
     try:
-        text = " ".join(repr(value).split())  # an array's text has several lines
+        text = " ".join(repr(named).split())  # an array's text has several lines
     except (ValueError, RecursionError):
         # a whole number of over 4300 digits; lists in lists
         text = f"({type(value).__name__} too large to show)"

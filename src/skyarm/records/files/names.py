@@ -89,7 +89,7 @@ def near_file(path: Path) -> str:
     near = most_similar(path.stem, there)
     if not near:
         return ""
-    return f"did you mean {shown(str(path.with_name(there[near])))}? "
+    return f"did you mean {shown(path.with_name(there[near]))}? "
 
 
 def require_file(path: PathLike, at: str) -> None:
@@ -165,7 +165,7 @@ def require_suffix(path: Path, field: str = "file") -> str:
     suffix = path.suffix.removeprefix(".").lower()
     if suffix not in SUFFIXES:
         raise ValueError(
-            f"{field} = {shown(str(path))}: suffix {shown(suffix)}:"
+            f"{field} = {shown(path)}: suffix {shown(suffix)}:"
             f" {must_be_one_of(SUFFIXES, suffix)}"
         )
     return suffix

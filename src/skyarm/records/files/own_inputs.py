@@ -71,6 +71,5 @@ def require_no_input(path: PathLike, field: str = "file") -> None:
     """
     if is_input(path):
         raise ValueError(
-            f"{field} = {shown(os.fspath(path))}: must be another file than those that"
-            " are read"
+            f"{field} = {shown(path)}: must be another file than those that are read"
         )

@@ -64,7 +64,7 @@ def writing_atomically(path: PathLike, *, entry: bool = True) -> Iterator[IO[byt
     # which say no of a name that is too long
     if os.path.isdir(target) or os.path.islink(target):
         reason = os.strerror(errno.EISDIR if os.path.isdir(target) else errno.ELOOP)
-        raise OSError(f"file = {shown(str(path))}: must be writable ({reason})")
+        raise OSError(f"file = {shown(path)}: must be writable ({reason})")
     temporary: Path | None = None
     try:
         # a device cannot be renamed over
@@ -87,7 +87,7 @@ def writing_atomically(path: PathLike, *, entry: bool = True) -> Iterator[IO[byt
     except OSError as error:
         _forget(temporary)
         raise OSError(
-            f"file = {shown(str(path))}: must be writable ({error.strerror})"
+            f"file = {shown(path)}: must be writable ({error.strerror})"
         ) from error
     except BaseException:
         _forget(temporary)
@@ -201,7 +201,7 @@ def require_writable(folder: PathLike) -> Path:
     except (OSError, ValueError) as error:  # a NUL in its name is a ValueError
         reason = getattr(error, "strerror", None) or error
         raise OSError(
-            f"output folder = {shown(str(target))}: must be writable ({reason})"
+            f"output folder = {shown(target)}: must be writable ({reason})"
         ) from None
     return target
 
@@ -256,7 +256,7 @@ def require_new(file: Path, field: str = "file") -> None:
     # a dangling link is something that stands there, too
     if os.path.isfile(file) or os.path.islink(file):
         raise ValueError(
-            f"{field} = {shown(str(file))}: must not be there yet; --force replaces it"
+            f"{field} = {shown(file)}: must not be there yet; --force replaces it"
         )
 
 
@@ -278,7 +278,7 @@ def require_replaceable(*files: Path, renames: bool = False) -> None:
             require_no_input(file)
         if os.path.isdir(file):
             raise OSError(
-                f"file = {shown(str(file))}: must be writable (there is a folder of"
+                f"file = {shown(file)}: must be writable (there is a folder of"
                 " this name)"
             )
 
@@ -321,7 +321,7 @@ def require_no_link(path: Path) -> Path:
         OSError: with one line that names it.
     """
     if path.is_symlink():
-        raise OSError(f"file = {shown(str(path))}: must not be a link")
+        raise OSError(f"file = {shown(path)}: must not be a link")
     return path
 
 
@@ -335,7 +335,7 @@ def write_inside(path: Path, content: bytes, *, entry: bool = True) -> Path:
     require_no_link(path)
     if path.exists() and not path.is_file():
         raise OSError(
-            f"file = {shown(str(path))}: must be writable (there is something else of"
+            f"file = {shown(path)}: must be writable (there is something else of"
             " this name)"
         )
     return write_atomically(path, content, entry=entry)
@@ -456,12 +456,12 @@ def _lock_file(path: Path, folder: Path) -> int | None:
             handle = os.open(path, _OPEN & ~(os.O_RDWR | os.O_CREAT))
     except OSError as error:
         raise OSError(
-            f"file = {shown(str(path))}: must be writable ({error.strerror})"
+            f"file = {shown(path)}: must be writable ({error.strerror})"
         ) from None
     if not stat.S_ISREG(os.fstat(handle).st_mode):
         os.close(handle)
         raise OSError(
-            f"file = {shown(str(path))}: must be writable (there is something else of"
+            f"file = {shown(path)}: must be writable (there is something else of"
             " this name)"
         )
     try:
@@ -472,7 +472,7 @@ def _lock_file(path: Path, folder: Path) -> int | None:
         words = _process(handle)
         os.close(handle)
         raise TakenError(
-            f"folder = {shown(str(folder))}: must be written by one process at a time;"
+            f"folder = {shown(folder)}: must be written by one process at a time;"
             f" another one{words} does; wait for its end, or choose another folder"
         ) from None
     # another process may have removed the file and made a new one between open and lock

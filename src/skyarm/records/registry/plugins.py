@@ -203,7 +203,7 @@ def load_plugin(path: str | Path, expected: str | None = None) -> ModuleType:
         file = Path(path)
         reason = unreadable(file) if file.suffix == ".py" else "must be a .py file"
         if reason:
-            raise RegistryError(f"plugin = {shown(str(path))}: {reason}")
+            raise RegistryError(f"plugin = {shown(path)}: {reason}")
         content, key = file.read_bytes(), str(file.resolve())
     identity = identity_of(content)
     # a worker must fly the same code as the process that sent the work
@@ -267,7 +267,7 @@ def _change_error(path: str, beside: str = "") -> RegistryError:
 def _run(name: str, file: Path, content: bytes) -> ModuleType:
     spec = spec_from_file_location(name, file)
     if spec is None:
-        raise RegistryError(f"plugin = {shown(str(file))}: must be a .py file")
+        raise RegistryError(f"plugin = {shown(file)}: must be a .py file")
     module = module_from_spec(spec)
     # registered before it runs, as an import does: dataclasses look their module up
     sys.modules[name] = module
@@ -284,7 +284,7 @@ def _run(name: str, file: Path, content: bytes) -> ModuleType:
     except (Exception, SystemExit) as error:
         sys.modules.pop(name, None)
         raise RegistryError(
-            f"plugin = {shown(str(file))}: {_where(error, file)}{_words(error)}"
+            f"plugin = {shown(file)}: {_where(error, file)}{_words(error)}"
         ) from error
     return module
 

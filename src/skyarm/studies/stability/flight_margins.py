@@ -9,8 +9,6 @@ from functools import partial
 
 import numpy as np
 
-from skyarm.compile.llvm.kernel import host_width
-from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.records.arrays import Array, Complex, doubles
 from skyarm.records.files import PathLike
 from skyarm.records.immutable import immutable, positional
@@ -341,9 +339,7 @@ class SettledHover:
         flight = flight.with_kind("rigid_body")
         self.paths = tuple(paths)
         self._differentiator = Differentiator(flight, self.paths)
-        options = LegOptions(
-            paths=self.paths, lanes=Lanes(host_width(), contract=False)
-        )
+        options = LegOptions(paths=self.paths)
         self._leg = Leg(
             flight, stretches(flight)[0].overrides, range(flight.steps), options
         )

@@ -25,8 +25,7 @@ import numpy as np
 
 from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import data
-from skyarm.compile.llvm.kernel import Kernel, host_width
-from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.tracing.lower import repeat
 from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
@@ -40,7 +39,7 @@ from skyarm.reference import Reference
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement, measure, measurement_of, noise_count
-from skyarm.simulate.command_delay import mean_efforts
+from skyarm.simulate.command_delay import drives_after
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import InputRow, LoopState
 from skyarm.simulate.program import LoopProgram, PeriodRow, TracedPeriod
@@ -228,9 +227,7 @@ class Differentiator:
             self._open_period, self._point, PeriodRow(given=(row,))
         )
         # few periods are stepped: what compiles five times as fast is quicker in all
-        self._kernel = Kernel(
-            loop, Lanes(host_width(), contract=False), logging=True, effort=0
-        )
+        self._kernel = Kernel(loop, logging=True, effort=0)
         self._row = len(leaves(row))
 
     def _scenario_of(self, given: Given) -> Scenario:
@@ -272,14 +269,14 @@ class Differentiator:
             par=scenario.agent.controller.par,
         )
         # a drive hears the mean of both commands once in a period, as it does in flight
-        heard = mean_efforts(point.old, point.new, late, self._period)
-        state = point.state
-        given_drives = zip(scenario.agent.all_drives, point.drives, heard, strict=False)
-        drives = tuple(
-            drive.advance(
-                memory, u, state.joints[i], state.joint_rates[i], self._period
-            )
-            for i, (drive, memory, u) in enumerate(given_drives)
+        drives = drives_after(
+            scenario.agent.all_drives,
+            point.drives,
+            point.old,
+            point.new,
+            late,
+            point.state,
+            self._period,
         )
         air = air.with_drives([drives])
         after = self._advance(scenario, point.state, point.old, air, late)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra import E_Z, Quaternion
 from skyarm.records.files import Fields, errors_as, needs_extra, one_line
 from skyarm.vehicle import description
 from skyarm.vehicle.check import VehicleError, refuse
@@ -97,7 +97,7 @@ def _rotor(
             "must be the four numbers x, y, z, w of a quaternion",
         )
     # their quaternions have the scalar last
-    axis = Quaternion(four[3], *four[:3]).normalized().rotation().apply(Vec3(0, 0, 1))
+    axis = Quaternion(four[3], *four[:3]).normalized().rotation().apply(E_Z)
     return StatedRotor(
         name,
         link,

@@ -85,7 +85,7 @@ def write_webp(
     if 3 * size[0] * size[1] * count > MOST_IN_MEMORY:
         most = f"{MOST_IN_MEMORY / 1e9:g} GB"
         raise ValueError(
-            f"film = {shown(str(path))}: {count} frames of {size[0]}x{size[1]} are more"
+            f"film = {shown(path)}: {count} frames of {size[0]}x{size[1]} are more"
             f" than {most}; take .mp4, or a lower fps, a smaller size, a shorter span"
         )
     return write_atomically(path, webp_bytes(frames, fps))
@@ -134,7 +134,7 @@ def require_film_format(path: Path, others: tuple[str, ...] = ()) -> Writer | No
         return None
     if suffix not in FILM_FORMATS:
         raise ValueError(
-            f"film = {shown(str(path))}: suffix {shown(suffix)}:"
+            f"film = {shown(path)}: suffix {shown(suffix)}:"
             f" {must_be_one_of((*FILM_FORMATS, *others), suffix)}"
         )
     # before any picture is computed, so that a missing package is said at once

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from skyarm.algebra import Quaternion, Scalar, Scalars, Vec3, differences
+from skyarm.algebra import E_Z, Quaternion, Scalar, Scalars, Vec3, differences
 from skyarm.algebra.scalars import cos, divide, mul, sin, sub
 from skyarm.control.blocks.attitude import derivative, moving, posture
 from skyarm.control.blocks.prediction import Disturbance
@@ -298,7 +298,7 @@ def state_residuals(
     c, s = cos(goal.yaw), sin(goal.yaw)
     # heading taken off, what is left of a small attitude is its tilt about the body's
     # own horizontal axes
-    up = R.apply_T(Vec3(0, 0, 1))
+    up = R.apply_T(E_Z)
     tilt = Vec3(up.y, -up.x, 0)
     joints = given_way(vehicle, goal.joints, tilt) if mode == "tool" else goal.joints
     # the base stands where it carries the tip home once it leans as it must

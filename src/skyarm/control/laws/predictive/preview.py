@@ -16,7 +16,7 @@ from functools import partial
 
 import numpy as np
 
-from skyarm.algebra import ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
 from skyarm.control.blocks.geometric import desired_attitude
 from skyarm.control.laws.predictive.cost import given_way
 from skyarm.control.laws.predictive.solver import Compiled
@@ -287,7 +287,7 @@ def shift(vehicle: Vehicle, thrust: Vec3, yaw: Scalar, joints: Scalars) -> Vec3:
     """
     frame = vehicle.frame()
     leaning = desired_attitude(-thrust, yaw, Mat3.identity())
-    up = leaning.apply_T(Vec3(0, 0, 1))
+    up = leaning.apply_T(E_Z)
     arm = frame_pose(vehicle, frame, joints).p
     # (up.y, -up.x, 0) is up x e_z, the axis of the lean times its sine
     bent = frame_pose(

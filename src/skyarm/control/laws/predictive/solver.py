@@ -17,9 +17,9 @@ import numpy as np
 
 from skyarm.algebra import ZERO3_DATA, Quaternion, Scalar, Scalars, differences
 from skyarm.algebra.scalars import maximum, minimum
-from skyarm.compile.llvm.kernel import Kernel, host_width
+from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.program import trace_loop
+from skyarm.compile.tracing.program import trace_call, trace_loop
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.laws.predictive.cost import (
     ContactGoal,
@@ -50,25 +50,16 @@ class Compiled(Generic[Result]):
     """
 
     def __init__(self, function: Callable[..., Result], *examples: Tree) -> None:
-        def step(
-            carry: Tree, _par: Tree, row: tuple[Tree, ...], _uniforms: Tree
-        ) -> tuple[Tree, Result]:
-            return carry, function(*row)
-
-        # a loop needs something to carry: one number that stays
-        self.kernel = Kernel(
-            trace_loop(step, (0.0,), (), examples), Lanes(1), logging=True
-        )
+        self.kernel = Kernel(trace_call(function, *examples), Lanes(1), logging=True)
 
     def __call__(self, *parts: Array) -> Array:
         """Evaluate the compiled function on flattened arguments, or on T rows of
         flattened arguments at once.
         """
         rows = np.concatenate(parts, axis=-1)
-        # a carry of one number, and no parameters
-        _, log = self.kernel.run(
-            np.zeros((1, 1)), np.zeros((0, 1)), np.atleast_2d(rows)
-        )
+        # a function of one call carries nothing and has no parameters
+        nothing = np.zeros((0, 1))
+        _, log = self.kernel.run(nothing, nothing, np.atleast_2d(rows))
         values = np.ascontiguousarray(log[:, :, 0])
         return values if rows.ndim > 1 else np.asarray(values[0])
 
@@ -156,7 +147,7 @@ class CompiledStages:
             return predict_stage(model, x, u, d, target, dt[0]), (*errors, *pushes)
 
         loop = trace_loop(stage, state, (inputs, (0.0,), disturbance, goal), ())
-        self.kernel = Kernel(loop, Lanes(host_width()), logging=True)
+        self.kernel = Kernel(loop, logging=True)
         self.nx, self.nu = len(leaves(state)), len(leaves(inputs))
         self.input_errors = model.vehicle.n + len(model.vehicle.rotors) + contact
         self.scales = np.concatenate([np.ones(self.nx), scales])
@@ -304,7 +295,7 @@ class Rollouts:
         zero = (0.0,) * nu
         row = (state, inputs, zero, ((0.0,) * nx,) * nu, (0.0, 0.0, 0.0), goal)
         loop = trace_loop(stage, (state, (0.0,)), ((0.0,), disturbance), row)
-        self.kernel = Kernel(loop, Lanes(host_width()), logging=True)
+        self.kernel = Kernel(loop, logging=True)
         self.nx = nx
         self.nu = nu
 

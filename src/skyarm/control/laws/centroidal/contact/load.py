@@ -16,7 +16,18 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Any
 
-from skyarm.algebra import ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Sym3, Vec3
+from skyarm.algebra import (
+    E_X,
+    E_Y,
+    E_Z,
+    ZERO3,
+    ZERO3_DATA,
+    Mat3,
+    Scalar,
+    Scalars,
+    Sym3,
+    Vec3,
+)
 from skyarm.algebra.scalars import (
     clip,
     data,
@@ -47,8 +58,6 @@ from skyarm.records.files import shown
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.units import Unit
 from skyarm.vehicle import BASE, Body, Vehicle
-
-UP = Vec3(0, 0, 1)
 
 HOLDING = 0.85
 """Factor of all bandwidths while a heavy load is held. Its inertia about the grasp is
@@ -99,7 +108,7 @@ def hang(vehicle: Vehicle, R: Mat3, joints: Sequence[Scalar], gravity: Scalar) -
     frame = vehicle.frame()
     pose = frame_pose(vehicle, frame, joints)
     weight, about_x, about_y = (
-        R.apply_T(each) for each in (Vec3(0, 0, -gravity), Vec3(1, 0, 0), Vec3(0, 1, 0))
+        R.apply_T(each) for each in (Vec3(0, 0, -gravity), E_X, E_Y)
     )
     return Hang(
         lift=-gravity,
@@ -173,7 +182,7 @@ def learn_load(
     # torque over weight is the place; a light load's torque is mostly noise, so its
     # place moves slowly, and without gravity nothing tells it
     per_weight = divide(m, (m * m + least * least) * maximum(model.gravity, 1e-3))
-    off = at.tip.apply_T(UP.cross(Vec3(about_x, about_y, 0))) * (-slow * per_weight)
+    off = at.tip.apply_T(E_Z.cross(Vec3(about_x, about_y, 0))) * (-slow * per_weight)
     far = gains.furthest
     place = Vec3(*(clip(each, -far, far) for each in memory.place + off))
     # a load that is held would be learned as the bias, and be gone from the estimate
@@ -441,7 +450,7 @@ def _last_lever(vehicle: Vehicle) -> Vec3:
     while index != BASE and not free.links[index].joint.turns:
         index = free.links[index].parent
     return (
-        UP
+        E_Z
         if index == BASE
         else jacobian_columns(free, free.frame(), (0.0,) * free.n)[index].linear
     )
