@@ -78,6 +78,8 @@ def pushed_together(a, b, rng):
 EXACT = [
     *itertools.product(("sphere",), KINDS),
     *itertools.product(("capsule",), ("capsule", "box", "cylinder", "hull")),
+    *itertools.product(("cylinder", "disc"), ("cylinder", "disc")),
+    ("cylinder", "box"),
     ("box", "box"),
 ]
 

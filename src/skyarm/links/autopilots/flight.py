@@ -142,12 +142,12 @@ def require_free_flight(scenario: Scenario) -> None:
     for contact in scenario.worlds:
         from skyarm.world.contact.initial_world import initial_clearance
 
-        distance, point, surface = initial_clearance(
+        distance, what, surface = initial_clearance(
             contact, scenario.agent.vehicle, first_state(scenario)
         )
         if distance < NEAR:
             raise ScenarioError(
-                f"initial: point {point!r} starts {distance:.3g} m from surface"
+                f"initial: {what} starts {distance:.3g} m from surface"
                 f" {surface!r}: must be at least {NEAR:g} m away, {autopilot.title}"
                 " takes off and hands over within that"
             )

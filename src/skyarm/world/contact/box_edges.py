@@ -24,15 +24,13 @@ collision detection, 4.4.1 and 5.1.9.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import reduce
 from itertools import product
 
 from skyarm.algebra import Mat3, Scalar, Vec3
 from skyarm.algebra.scalars import absolute, clip, divide, maximum, minimum, sqrt, where
 from skyarm.records.immutable import positional
-from skyarm.world.contact.carrier import NOBODY, AnyCarrier, CarriedFrame
-from skyarm.world.contact.surface import Surface
 
 EDGE_PAIRS = 36
 """Number of edge pairs of two boxes that may touch."""
@@ -65,29 +63,6 @@ class PlacedBox:
     middle: Vec3
     rotation: Mat3
     halves: tuple[Scalar, Scalar, Scalar]
-
-
-def box_of(surface: Surface, frame: CarriedFrame | None, clock: Scalar) -> PlacedBox:
-    """World pose and half lengths of a box-shaped surface at a time (s)."""
-    x, y, z = (0.5 * each for each in surface.size)
-    if frame is None:
-        return PlacedBox(surface.place(clock)[0], surface.rotation, (x, y, z))
-    middle = frame.position + frame.rotation.apply(surface.position)
-    return PlacedBox(middle, frame.rotation @ surface.rotation, (x, y, z))
-
-
-def pairs_with_edges(
-    surfaces: Sequence[tuple[int, Surface]], carriers: Sequence[AnyCarrier]
-) -> Iterator[tuple[int, Surface, int]]:
-    """Pairs of boxes whose edges may touch, each once: body and surface of one box, and
-    body of the other box.
-    """
-    for by, carrier in enumerate(carriers):
-        for of, surface in surfaces:
-            again = of != NOBODY and carriers[of].has_edges and of >= by
-            # two movable boxes meet twice, once as each other's surface
-            if carrier.has_edges and surface.shape == "box" and of != by and not again:
-                yield of, surface, by
 
 
 def face_overlap(a: PlacedBox, b: PlacedBox) -> Scalar:

@@ -128,13 +128,6 @@ class Carrier(Generic[Memory]):
         """
         return 1.0
 
-    @property
-    def has_edges(self) -> bool:
-        """True if the movable body is a box, whose edges may touch those of other
-        boxes.
-        """
-        return False
-
     def start(self) -> Memory:
         """Initial state of the movable body, a dataclass or tuple of floats."""
         raise NotImplementedError(f"{type(self).__name__} must define start()")

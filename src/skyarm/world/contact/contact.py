@@ -590,10 +590,9 @@ class Contact(ContactSteps):
             return memory
         materials = {each.name: each.material for _, each in self.every_surface}
         meetings = self.meetings(memory, motion)
-        bristles = standing_bristles(
-            meetings, memory.bristles[: len(meetings)], weights, materials
-        )
-        return replace(memory, bristles=(*bristles, *memory.bristles[len(meetings) :]))
+        meetings += self.bodies_at_rest(memory, motion)
+        bent = standing_bristles(meetings, memory.bristles, weights, materials)
+        return replace(memory, bristles=bent)
 
     def act(
         self, memory: ContactMemory, t: Scalar, dt: float, motion: PointMotion

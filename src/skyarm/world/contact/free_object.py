@@ -1,8 +1,8 @@
 """Free objects: rigid bodies that rest on surfaces, slide, roll, tip over and fall.
 
 An object's motion is that of Newton and Euler about its centre of mass. Its skin is a
-surface for the vehicle's points and for other objects; with its own corners, rims or as
-a ball it touches the surfaces of the world.
+surface for the vehicle's points, for other objects and for corners of the world; with
+its own corners, rims or as a ball it touches the surfaces of the world.
 """
 
 from __future__ import annotations
@@ -263,11 +263,6 @@ class FreeObject(Carrier[ObjectMotion]):
         stable integration step.
         """
         return STEP_SHARE
-
-    @property
-    def has_edges(self) -> bool:
-        """True if the object is a box, whose edges may touch those of other boxes."""
-        return self.shape == "box"
 
     @property
     def half_width(self) -> float:

@@ -6,12 +6,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import product
 
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.vehicle import Vehicle
 from skyarm.world.contact.carrier import NOBODY
 from skyarm.world.contact.contact import Contact
+from skyarm.world.contact.shape_pairs import places
 from skyarm.world.contact.vehicle_bodies import touch_of_bodies
 
 MOST = 2.0
@@ -89,17 +91,29 @@ def require_bodies_apart(contact: Contact, motion: PointMotion) -> None:
 def initial_clearance(
     contact: Contact, vehicle: Vehicle, state: State
 ) -> tuple[float, str, str]:
-    """Smallest distance (m) of the vehicle from a surface, negative inside, and the
-    names of point and surface.
+    """Smallest distance (m) of the vehicle's points and shapes from a surface, negative
+    inside.
 
-    Infinite where nothing can touch.
+    With it come words for the point or body, and the name of the surface. Infinite
+    where nothing can touch.
     """
     # an empty name fits points of any agent
     contact = contact.on({"": vehicle})
-    meetings = contact.meetings(contact.start(1.0, ()), PointMotion(vehicle, state))
-    ours = (
-        (-float(each.touch.depth), contact.points[each.index].name, each.surface)
-        for each in meetings
+    memory, motion = contact.start(1.0, ()), PointMotion(vehicle, state)
+    found = [
+        (
+            -float(each.touch.depth),
+            f"point {contact.points[each.index].name!r}",
+            each.surface,
+        )
+        for each in contact.meetings(memory, motion)
         if each.by == NOBODY
-    )
-    return min(ours, default=(math.inf, "", ""))
+    ]
+    rows = zip(contact.body_pairs, contact.body_records(memory, motion), strict=True)
+    for pair, (a, b, *_) in rows:
+        body = contact.vehicle_bodies[pair.body].name
+        for one, other in product(a.parts, b.parts):
+            both = one.in_world(a.frame), other.in_world(b.frame)
+            depth = max(float(deep) for _, deep, _ in places(*both))
+            found.append((-depth, f"body {body!r}", pair.name[len(body) + 1 :]))
+    return min(found, default=(math.inf, "", ""))

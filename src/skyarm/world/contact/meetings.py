@@ -1,10 +1,11 @@
-"""Contact detection: penetration and contact force of contact points at surfaces, and
-of box edges at box edges.
+"""Contact detection: penetration and contact force of points, corners and edges at
+surfaces and objects.
 
 Every point of the vehicle may meet every surface, and so may every spot of a movable
-body that is not its own; edges of boxes meet those of others
-(:mod:`skyarm.world.contact.box_edges`). The order of the pairs is that of their
-bristles in a memory: points by surface, spots by body and surface, edges.
+body that is not its own; corners of surfaces meet objects, whose own corners may be
+beside them, and edges of boxes those of others (:mod:`skyarm.world.contact.box_edges`).
+The order of the pairs is that of their bristles in a memory: points by surface, spots
+by body and surface, corners and edges by body and surface.
 """
 
 from __future__ import annotations
@@ -14,18 +15,20 @@ from functools import reduce
 from typing import TypeVar
 
 from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import logical_not, logical_or, maximum, neg, sqrt
+from skyarm.algebra.scalars import (
+    divide,
+    logical_not,
+    logical_or,
+    maximum,
+    neg,
+    sqrt,
+)
 from skyarm.compile.tracing.lower import compute_where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import Tree
 from skyarm.world.component import Force
-from skyarm.world.contact.box_edges import (
-    EDGE_PAIRS,
-    box_of,
-    edge_touches,
-    pairs_with_edges,
-)
+from skyarm.world.contact.box_edges import EDGE_PAIRS, edge_touches
 from skyarm.world.contact.carrier import NOBODY, AnyCarrier, CarriedFrame, reduced_mass
 from skyarm.world.contact.contact_memory import ContactMemory
 from skyarm.world.contact.contact_point import (
@@ -38,7 +41,14 @@ from skyarm.world.contact.contact_point import (
 from skyarm.world.contact.free_object import FreeObject
 from skyarm.world.contact.material import LIGHTEST, LONGEST, Material
 from skyarm.world.contact.mechanism import Mechanism
-from skyarm.world.contact.shape_pairs import places
+from skyarm.world.contact.shape_pairs import (
+    HOLLOW,
+    opposite,
+    places,
+    round_count,
+    spot_count,
+    touching,
+)
 from skyarm.world.contact.surface import Surface
 from skyarm.world.contact.vehicle_bodies import (
     BodyPair,
@@ -61,7 +71,14 @@ acceleration (m/s^2) of the point meanwhile; both give the same distance in 5 ms
 Result = TypeVar("Result")
 
 EDGE = -1
-"""Index of a meeting of two edges, in place of that of a spot."""
+"""Index of a meeting of two edges, or with a corner of a surface, in place of that of a
+spot."""
+
+OTHER = -2
+"""Number that stands for no weight, in place of that of a body."""
+
+LIGHT = 1e-12
+"""Force (N) below which that between two bodies has no direction."""
 
 
 @immutable
@@ -197,35 +214,86 @@ def meetings_of(
     for of, surface in every:
         for index, at in enumerate(points):
             touch(surface, of, NOBODY, index, at)
-    for by, carrier in enumerate(contact.carriers):
-        for of, surface in every:
-            if of == by:
-                continue
-            under = None if of == NOBODY else frames[of]
+    pairs = [*_pairs(every, contact.carriers)]
+    for each in pairs:
+        surface, of, own = each.surface, each.of, frames[each.by]
 
-            def toward(
-                place: Vec3,
-                # bound as defaults, or the function would see the last turn of the loop
-                surface: Surface = surface,
-                under: CarriedFrame | None = under,
-            ) -> Vec3:
-                return _depth(surface, under, place, 0, clock)[1]
+        def toward(
+            place: Vec3,
+            # bound as defaults, or the function would see the last turn of the loop
+            surface: Surface = surface,
+            under: CarriedFrame | None = None if of == NOBODY else frames[of],
+        ) -> Vec3:
+            return _depth(surface, under, place, 0, clock)[1]
 
-            own = frames[by]
-            for index, (place, radius) in enumerate(carrier.spots(own, toward)):
-                at = _Place(
-                    place, own.velocity_at(place), own.turning, radius, masses[by]
-                )
-                touch(surface, of, by, index, at)
-    for of, surface, by in pairs_with_edges(every, contact.carriers):
-        own = frames[by]
-        other = box_of(surface, None if of == NOBODY else frames[of], clock)
-        for place, depth, normal in edge_touches(
-            box_of(contact.carriers[by].surfaces[0], own, clock), other
-        ):
-            at = _Place(place, own.velocity_at(place), own.turning, 0, masses[by])
-            meet(surface, of, by, EDGE, at, depth, normal)
+        spots = contact.carriers[each.by].spots(own, toward) if each.spots else ()
+        for index, (place, radius) in enumerate(spots):
+            mass = masses[each.by]
+            at = _Place(place, own.velocity_at(place), own.turning, radius, mass)
+            touch(surface, of, each.by, index, at)
+    for each in pairs:
+        surface, own = each.surface, frames[each.by]
+        side = fixed_side(surface, clock)
+        if each.of != NOBODY:
+            side = Side(frames[each.of], (part_of(surface),))
+        other = side.parts[0].in_world(side.frame)
+        it = part_of(contact.carriers[each.by].surfaces[0]).in_world(own)
+        found = places(it, other) if each.whole else []
+        if each.corners:
+            found += opposite(touching(other, it))
+        if each.edges:
+            found += edge_touches(it.box, other.box)
+        for place, depth, normal in found:
+            speed, mass = own.velocity_at(place), masses[each.by]
+            at = _Place(place, speed, own.turning, 0, mass)
+            meet(surface, each.of, each.by, EDGE, at, depth, normal)
     return meetings
+
+
+@positional
+class _Pair:
+    """Object and surface that may touch, and the places at which they do.
+
+    Attributes:
+        by: number of the object. of: of the carrier of the surface, or ``NOBODY``.
+        surface: the surface. spots: at spots of the object. corners: at those of the
+            surface. edges: of two boxes. whole: wherever their shapes touch.
+    """
+
+    by: int
+    of: int
+    surface: Surface
+    spots: bool
+    corners: bool
+    edges: bool
+    whole: bool
+
+
+def _pairs(
+    every: Sequence[tuple[int, Surface]], carriers: Sequence[AnyCarrier]
+) -> Iterator[_Pair]:
+    """Pairs of an object and a surface."""
+    for by, carrier in enumerate(carriers):
+        for of, surface in every:
+            if of == by or not carrier.spot_count:
+                continue
+            shape = carrier.surfaces[0].shape
+            solid = surface.shape not in HOLLOW
+            # two objects come twice, once as each other's surface
+            twice = of != NOBODY and carriers[of].spot_count > 0
+            once = of < by or not twice
+            # corners and balls of both would find the same place twice
+            ball = "sphere" in (shape, surface.shape) and (twice or shape != "sphere")
+            whole = solid and (ball or "capsule" in (shape, surface.shape))
+            yield _Pair(
+                by,
+                of,
+                surface,
+                spots=not whole,
+                corners=solid and not (whole or twice or shape == "sphere"),
+                edges=shape == surface.shape == "box" and once,
+                whole=whole and once,
+            )
 
 
 def misses(touch: Touch, seconds: Scalar) -> Scalar:
@@ -288,14 +356,14 @@ class TouchingBodies(Force[ContactMemory]):
         """Number of all contact pairs of surfaces with points of the vehicle and of
         movable bodies.
         """
-        every = len(self.every_surface)
-        spots = sum(
-            each.spot_count * (every - len(each.surfaces)) for each in self.carriers
-        )
-        edges = EDGE_PAIRS * sum(
-            1 for _ in pairs_with_edges(self.every_surface, self.carriers)
-        )
-        return self.logged_pairs + spots + edges
+        count = self.logged_pairs
+        for each in _pairs(self.every_surface, self.carriers):
+            shape = self.carriers[each.by].surfaces[0].shape
+            count += each.spots * self.carriers[each.by].spot_count
+            count += each.corners * spot_count(each.surface)
+            count += each.edges * EDGE_PAIRS
+            count += each.whole * round_count(shape, each.surface.shape)
+        return count
 
     @property
     def bristle_count(self) -> int:
@@ -406,6 +474,34 @@ class TouchingBodies(Force[ContactMemory]):
                         touch=touch,
                         place=place,
                     )
+
+    def bodies_at_rest(
+        self, memory: ContactMemory, motion: PointMotion
+    ) -> Iterator[Meeting]:
+        """Contact state of each pair of bodies as one place, by the vehicle where the
+        other is a surface.
+        """
+        rows = zip(self.body_pairs, self.body_records(memory, motion), strict=True)
+        for pair, record in rows:
+            touch = touch_of_bodies(record)
+            size = sqrt(touch.force.dot(touch.force) + LIGHT * LIGHT)
+            fixed = pair.other == "surface"
+            yield Meeting(
+                surface=self.surfaces[pair.index].name if fixed else pair.name,
+                of=pair.index,
+                by=NOBODY if fixed else OTHER,
+                index=pair.body,
+                touch=Touch(
+                    depth=touch.depth,
+                    slip=ZERO3,
+                    normal=size,
+                    axis=touch.force * divide(1.0, size),
+                    friction=ZERO3,
+                    bristle_rate=ZERO3,
+                    spot=ZERO3,
+                ),
+                place=touch.place,
+            )
 
     def with_touches(
         self,

@@ -7,13 +7,13 @@ corners of boxes and hulls, three points of each rim of a cylinder
 touches along its line: a capsule or the side of a cylinder at the nearest place of its
 axis, on a box or on a cylinder's end at both ends of the part above it; boxes by pairs
 of edges (:mod:`skyarm.world.contact.box_edges`). Edges of hulls do not meet edges of
-hulls, boxes or rims; where rims cross rims or edges, the place on the rim is found only
-roughly, and they touch late.
+hulls or boxes. The place of a rim that is nearest to a rim or an edge is looked for
+along an arc: 1 % of drawn poses touch late (measured).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import reduce
 from itertools import product
 
@@ -52,13 +52,13 @@ SHORT = 1e-3
 """Length (m) of a line of contact below which its second end fades: both ends of a line
 without length are one place."""
 
-ROUNDS = 4
-"""Secant and bisection steps to the nearest place of a segment; the last secant is
-exact where the squared distance is quadratic, as beside one edge or corner."""
+ROUNDS, ROUNDS_OF_RIM = 4, 7
+"""Pairs of steps to the nearest place of a segment, whose height above a convex shape
+is convex along it, and of a rim, of which it is not."""
 
-SWINGS = 3
-"""Steps to the place of a rim that is nearest to another shape, each from the rim to
-the shape and back."""
+ARC = 0.5
+"""Tangent of a quarter of the arc (106 degrees) in which the nearest place of a rim is
+looked for."""
 
 _TINY = 1e-12
 """Least length (m) in a quotient."""
@@ -147,26 +147,34 @@ def spot_count(shape: Surface) -> int:
     return fixed.get(shape.shape, len(shape.vertices))
 
 
+def round_count(one: str, other: str) -> int:
+    """Number of places of two shapes of which one is a sphere or a capsule."""
+    counts = {"box": 2, "hull": 3, "cylinder": 4}
+    if "sphere" in (one, other):
+        return 1
+    return counts.get(one, counts.get(other, 5))
+
+
 def places(a: PlacedShape, b: PlacedShape) -> list[Place]:
     """Places at which two shapes may touch, with normals from ``b`` to ``a``."""
     if _comes_second(a.shape.shape, b.shape.shape):
-        return _swap(places(b, a))
+        return opposite(places(b, a))
     if b.shape.shape in HOLLOW:
-        return _touching(a, b)
+        return touching(a, b)
     if a.shape.shape in ROUND:
         if a.shape.shape == "capsule" and b.shape.shape == "box":
             return _line(a, b, a.shape.size[0], (0.0, 0.0))
-        touching = _touching(a, b)
+        own = touching(a, b)
         if a.shape.shape == "capsule":
             # nothing is counted twice where an end touches as deep
             if b.shape.shape == "capsule":
-                touching += _other_ends(a, b, touching)
-            ends = [maximum(depth, 0.0) for _, depth, _ in touching]
+                own += _other_ends(a, b, own)
+            ends = [maximum(depth, 0.0) for _, depth, _ in own]
             low, high = (reduce(maximum, ends[i::2]) for i in range(2))
-            touching += _line(a, b, a.shape.size[0], (low, high))
-        return touching
-    found = [_touching(a, b), _swap(_touching(b, a))]
-    found += [_side(a, b, found[0]), _swap(_side(b, a, found[1]))]
+            own += _line(a, b, a.shape.size[0], (low, high))
+        return own
+    found = [touching(a, b), opposite(touching(b, a))]
+    found += [_side(a, b, found[0]), opposite(_side(b, a, found[1]))]
     if a.shape.shape == b.shape.shape == "box":
         found.append(list(edge_touches(a.box, b.box)))
     return [each for some in found for each in some]
@@ -177,7 +185,7 @@ def _other_ends(a: PlacedShape, b: PlacedShape, ours: Sequence[Place]) -> list[P
     an end of the first touches already.
     """
     found = []
-    for place, deep, normal in _swap(_touching(b, a)):
+    for place, deep, normal in opposite(touching(b, a)):
         left = deep
         for other, taken, _ in ours:
             way = place - other
@@ -194,12 +202,12 @@ def _comes_second(a: str, b: str) -> bool:
     return (b in ROUND or a in HOLLOW) and order.index(b) < order.index(a)
 
 
-def _swap(found: Sequence[Place]) -> list[Place]:
+def opposite(found: Sequence[Place]) -> list[Place]:
     """List the same places with normals to the other shape."""
     return [(place, depth, -normal) for place, depth, normal in found]
 
 
-def _touching(a: PlacedShape, b: PlacedShape) -> list[Place]:
+def touching(a: PlacedShape, b: PlacedShape) -> list[Place]:
     """Places at which balls and points of one shape touch the skin of another."""
     found = []
     for at, radius in spots_of(a, _downs(a, b)):
@@ -219,15 +227,29 @@ def _downs(a: PlacedShape, b: PlacedShape) -> tuple[Vec3, ...]:
     down = down_of(a, b.rotation.apply(b.shape.skin(start + way * share, _TINY)[1]))
     if b.shape.shape in HOLLOW:
         return down, down
-    found = list[Vec3]()
-    for end in a.ends:
-        rim = down
-        for _ in range(SWINGS):
-            depth, normal = b.skin(end + rim, _TINY)
-            # from the place of the shape that is nearest to the rim back to the rim
-            rim = down_of(a, -rim - normal * minimum(depth, 0.0))
-        found.append(rim)
-    return tuple(found)
+    rim, beside = map(b.rotation.apply_T, (down, a.rotation.column(2).cross(down)))
+    ends = (start, start + way)
+    return tuple(b.rotation.apply(_nearest_rim(b, e, rim, beside)) for e in ends)
+
+
+def _nearest_rim(b: PlacedShape, end: Vec3, rim: Vec3, beside: Vec3) -> Vec3:
+    """Vector (m) from a cylinder's end to the point of its rim nearest to another
+    shape, axes of that.
+
+    Args:
+        b: the other shape.
+        end: middle of the end, m.
+        rim: vector (m) from there to the middle of the arc that is looked at.
+        beside: vector (m) to the point of the rim that is square to it.
+    """
+
+    def path(share: Scalar) -> tuple[Vec3, Vec3]:
+        half = (share + share - 1.0) * ARC
+        inverse = divide(1.0, 1.0 + half * half)
+        cosine, sine = (1.0 - half * half) * inverse, (half + half) * inverse
+        return end + rim * cosine + beside * sine, beside * cosine - rim * sine
+
+    return path(_nearest_on(b.shape, path, ROUNDS_OF_RIM))[0] - end
 
 
 def _axis(a: PlacedShape, b: PlacedShape) -> tuple[Vec3, Vec3]:
@@ -300,36 +322,57 @@ def _nearest_share(shape: Surface, start: Vec3, way: Vec3) -> Scalar:
     """
     if shape.shape == "sphere":
         return clip(divide(-start.dot(way), way.dot(way) + _TINY**2), 0.0, 1.0)
-
-    def slope(share: Scalar) -> Scalar:
-        depth, normal = shape.skin(start + way * share, _TINY)
-        # of half the squared distance, which is convex along the segment; inside, the
-        # sign alone is used
-        rise: Scalar = maximum(-depth, INSIDE) * normal.dot(way)
-        return rise
-
-    low: Scalar = 0.0
-    high: Scalar = 1.0
-    below, above = slope(low), slope(high)
-    for turn in range(2 * ROUNDS):
-        # bisection after each secant: a secant alone may creep from one side
-        share = 0.5 * (low + high) if turn % 2 else _secant(low, high, below, above)
-        rise = slope(share)
-        falls = rise < 0.0
-        low, below = where(falls, share, low), where(falls, rise, below)
-        high, above = where(falls, high, share), where(falls, above, rise)
-    return _secant(low, high, below, above)
+    return _nearest_on(shape, lambda share: (start + way * share, way), ROUNDS)
 
 
-INSIDE = 1e-6
-"""Height (m) that stands for that of a point inside a shape in the slope of its squared
-distance."""
+_Look = tuple[Scalar, Scalar, Scalar]
+"""Share of a path, height (m) of its place above a shape, and its slope (m)."""
 
 
-def _secant(low: Scalar, high: Scalar, below: Scalar, above: Scalar) -> Scalar:
-    """Zero of the line through two slopes, within the interval between them."""
+def _nearest_on(
+    shape: Surface, path: Callable[[Scalar], tuple[Vec3, Vec3]], rounds: int
+) -> Scalar:
+    """Share of a path at which it is nearest to a convex shape, or deepest in it.
+
+    Args:
+        shape: the shape.
+        path: place (m, axes of the shape) of a share, and derivative by it.
+        rounds: number of pairs of steps.
+    """
+
+    def look(share: Scalar) -> _Look:
+        place, way = path(share)
+        depth, normal = shape.skin(place, _TINY)
+        return share, -depth, normal.dot(way)
+
+    low, high = look(0.0), look(1.0)
+    for turn in range(2 * rounds):
+        # tangents alone may creep from one side where the height is not convex
+        share = 0.5 * (low[0] + high[0]) if turn % 2 else _lowest(low, high)
+        new = look(share)
+        falls = new[2] < 0.0
+        low, high = _choose(falls, new, low), _choose(falls, high, new)
+    # beside an edge or corner the square of the height is a parabola
+    below, above = (height * rise for _, height, rise in (low, high))
     part = divide(-below, maximum(above - below, _TINY**2))
-    return low + (high - low) * clip(part, 0.0, 1.0)
+    outside = low[0] + (high[0] - low[0]) * clip(part, 0.0, 1.0)
+    return where(minimum(low[1], high[1]) > 0.0, outside, _lowest(low, high))
+
+
+def _choose(condition: Scalar, new: _Look, old: _Look) -> _Look:
+    """One of two places of a path, by a condition."""
+    share, height, rise = (where(condition, *e) for e in zip(new, old, strict=True))
+    return share, height, rise
+
+
+def _lowest(low: _Look, high: _Look) -> Scalar:
+    """Share at which the tangents of the height in two places meet: the lowest place
+    above flat faces.
+    """
+    width = high[0] - low[0]
+    rise = low[1] - high[1] + high[2] * width
+    part = divide(rise, maximum((high[2] - low[2]) * width, _TINY**2))
+    return low[0] + width * clip(part, 0.0, 1.0)
 
 
 def _above_face(

@@ -206,8 +206,9 @@ def stand_vehicle(
         x = set_down(np.array([ABOVE, *_slope(pushes(x), [UPRIGHT])]))
         equilibrium = _settle(residual, pushes, x)
     if equilibrium is None:
-        words = "must stand on three points around its centre of mass; it tips over"
-        raise ValueError(f"initial.standing = true: {words}{_tipping(pushes(x))}")
+        words = "must stand on three places around its centre of mass, of world.points"
+        words += f" or the vehicle's collisions; it tips over{_tipping(pushes(x))}"
+        raise ValueError(f"initial.standing = true: {words}")
     _require_friction("initial.standing = true", pushes(equilibrium), contact, weight)
     return at(equilibrium)
 
