@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from queue import Empty, SimpleQueue
+from time import perf_counter
 from typing import Any
 
 from skyarm.records.arrays import AnyArray as Array
@@ -170,15 +171,26 @@ class SharedSteps:
         def step() -> None:
             arguments = Arguments(*self._fixed)
             arguments[START] = start
+            length = span
             with suppress(IndexError):  # no group is left
                 while not given_up:
                     first = groups.popleft()
                     arguments[FIRST:BEGIN] = [first, min(first + group, self._blocks)]
-                    for begin in range(0, self._steps, span):
+                    end = 0
+                    while end < self._steps:
                         if given_up:
                             return
-                        arguments[BEGIN:START] = [begin, min(begin + span, self._steps)]
+                        begin = end
+                        end = min(begin + length, self._steps)
+                        arguments[BEGIN:START] = [begin, end]
+                        called = perf_counter()
                         self._machine.call(arguments)
+                        taken = perf_counter() - called
+                        # the pace counts what code skips where nothing is near
+                        if taken < SLICE / 4.0:
+                            length *= 2
+                        elif taken > SLICE:
+                            length = span
 
         shares = int(self._blocks * self._steps * pace / SHARED)
         threads = max(2 if whole else 1, min(self._most, len(groups), shares))
