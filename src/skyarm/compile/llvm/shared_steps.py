@@ -176,21 +176,7 @@ class SharedSteps:
                 while not given_up:
                     first = groups.popleft()
                     arguments[FIRST:BEGIN] = [first, min(first + group, self._blocks)]
-                    end = 0
-                    while end < self._steps:
-                        if given_up:
-                            return
-                        begin = end
-                        end = min(begin + length, self._steps)
-                        arguments[BEGIN:START] = [begin, end]
-                        called = perf_counter()
-                        self._machine.call(arguments)
-                        taken = perf_counter() - called
-                        # the pace counts what code skips where nothing is near
-                        if taken < SLICE / 4.0:
-                            length *= 2
-                        elif taken > SLICE:
-                            length = span
+                    length = self._step_group(arguments, length, span, given_up)
 
         shares = int(self._blocks * self._steps * pace / SHARED)
         threads = max(2 if whole else 1, min(self._most, len(groups), shares))
@@ -234,6 +220,32 @@ class SharedSteps:
             raise
         if failed:
             raise failed[0]
+
+    def _step_group(
+        self,
+        arguments: ctypes.Array[ctypes.c_int64],
+        length: int,
+        span: int,
+        given_up: Sequence[bool],
+    ) -> int:
+        """Advance some blocks through all rows, unless that is given up, in slices of
+        ``length`` steps at first; returns the length of the next slice.
+
+        The ``span`` of a guessed pace counts what code skips where nothing is near.
+        """
+        end = 0
+        while end < self._steps and not given_up:
+            begin = end
+            end = min(begin + length, self._steps)
+            arguments[BEGIN:START] = [begin, end]
+            begun = perf_counter()
+            self._machine.call(arguments)
+            taken = perf_counter() - begun
+            if taken < SLICE / 4.0:
+                length *= 2
+            elif taken > SLICE:
+                length = span
+        return length
 
 
 def slice_work(blocks: int, steps: int, pace: float, threads: int) -> tuple[int, int]:
