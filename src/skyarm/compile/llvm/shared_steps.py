@@ -228,10 +228,19 @@ class SharedSteps:
         span: int,
         given_up: Sequence[bool],
     ) -> int:
-        """Advance some blocks through all rows, unless that is given up, in slices of
-        ``length`` steps at first; returns the length of the next slice.
+        """Advance some blocks through all rows, in slices as long as the last ones'
+        times allow.
 
         The ``span`` of a guessed pace counts what code skips where nothing is near.
+
+        Args:
+            arguments: of the machine code.
+            length: steps of the first slice.
+            span: steps of a slice after one that took too long.
+            given_up: not empty once it has to end early.
+
+        Returns:
+            Steps of the next slice.
         """
         end = 0
         while end < self._steps and not given_up:

@@ -274,8 +274,9 @@ def compiled_once(
 def _only(
     only: tuple[Scalar, Result] | None, result: Result, *, called: bool = False
 ) -> Result:
-    """Result where a condition holds, if there is one, else another; the symbols of one
-    that was ``called`` are chosen already.
+    """Result where a condition holds, if there is one, else another.
+
+    The symbols of a call are chosen already.
     """
     if only is None:
         return result

@@ -287,7 +287,7 @@ def touch_of_bodies(record: Record) -> BodyTouch:
 
 
 def _kind(part: Part) -> tuple[object, ...]:
-    """What code that touches with a shape depends on."""
+    """Key of code for a shape: its kind and the faces of a hull."""
     return part.shape.shape, part.shape.faces
 
 
@@ -418,10 +418,11 @@ def _press(record: Shapes) -> Press:
 
 
 def _press_of_shapes(record: tuple[Side, Side, Scalar, Scalar]) -> Press:
-    """Normal forces of all shapes of two bodies, by the time (s) over whose way the
-    penetration is a mean and the square (m^2/s^2) of the bodies' largest speed.
+    """Normal forces of all shapes of two bodies.
 
-    Of shapes whose balls are apart only the distance of these counts.
+    Of shapes whose balls are apart only the distance of these counts. With the bodies
+    come the time (s) over whose way the penetration is a mean, and the square
+    (m^2/s^2) of their largest speed.
     """
     a, b, mean, fastest = record
     total = NO_PRESS
