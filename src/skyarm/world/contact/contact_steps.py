@@ -237,7 +237,9 @@ class ContactSteps(TouchingBodies):
             return reduce(maximum, speeds)
 
         nothing: Scalar = -1.0
-        return self.with_touches(memory, motion, fastest, nothing, seconds)
+        # speeds ask for no bristles, whose rates would be computed far away, too
+        bare = replace(memory, bristles=(ZERO3_DATA,) * self.bristle_count)
+        return self.with_touches(bare, motion, fastest, nothing, seconds)
 
     @property
     def most_hit_steps(self) -> int:  # type: ignore[override]
