@@ -45,10 +45,9 @@ def always_computed(scenario):
     return sum(node.op not in quiet for node, _ in arrange(nodes))
 
 
-@pytest.mark.parametrize("boxes", [0, 4])
-def test_shapes_near_nothing_are_computed_in_parts_that_are_skipped(tmp_path, boxes):
+def test_shapes_near_nothing_are_computed_in_parts_that_are_skipped(tmp_path):
     bare, dressed = (
-        always_computed(measure_shapes.scene(tmp_path, boxes, shapes=each, near=False))
+        always_computed(measure_shapes.scene(tmp_path, 1, shapes=each, near=False))
         for each in (False, True)
     )
     assert dressed < 1.03 * bare
