@@ -5,6 +5,7 @@ function written out.
 from __future__ import annotations
 
 import dataclasses
+import re
 import tomllib
 
 import numpy as np
@@ -267,3 +268,45 @@ def test_a_condition_among_the_arguments_is_written_out():
         )[0][0, 0]
         == 6.0
     )
+
+
+def seldom(carry, parameters, row, draws):
+    """Calls where a number is positive: before the steps, in a step, in a loop."""
+
+    def call(a, b):
+        function = lambda x: (sin(x[0]) * x[1], 1.0, x[1])  # noqa: E731
+        return compiled_once("s", function, (a, b), only=(a > 0.0, (b, a, a)))
+
+    fixed = call(parameters[0], parameters[0])
+    first = call(carry[0], row[0])
+    last = repeat(5, lambda y: (call(y[0], y[1])[0] - 0.1, y[0]), carry)
+    return (first[0] + last[0], last[1]), (*fixed, *first)
+
+
+@pytest.mark.parametrize("single", [False, True])
+def test_a_call_that_a_lane_needs_changes_no_other(single):
+    shared, plain = (traced(seldom, loops=kept) for kept in (True, False))
+    rng = np.random.default_rng(8)
+    for sign in (-1.0, 0.0, 1.0):
+        drawn = rng.normal(size=(4, 13))
+        drawn = np.abs(drawn) * sign if sign else drawn
+        given = drawn[:2], drawn[2:3], drawn[3:, :6].T
+        logs = [
+            Kernel(loop, Lanes(4, single=single), logging=True).run(*given)
+            for loop in (shared, plain)
+        ]
+        assert same_bits(logs[0][0], logs[1][0])
+        assert same_bits(logs[0][1], logs[1][1])
+        point = drawn[:, 0].tolist()
+        direct = seldom(point[:2], point[2:3], point[3:], ())
+        assert bits(shared.stepper()(point)) == bits((*direct[0], *direct[1]))
+
+
+def test_a_call_that_no_lane_needs_is_jumped_over():
+    text = assembly(traced(seldom), Lanes(4), logging=True)
+    jumps = re.findall(
+        r"br i1 %\w+, label %(r\d+), label %\1.exit\n\1:"
+        r"(?:\n  (?:%\w+ = getelementptr|store).*)*\n  call void @shared1",
+        text,
+    )
+    assert len(jumps) == text.count("call void @shared1") == 3

@@ -92,6 +92,18 @@ def test_slices_take_the_time_they_should():
                     assert blocks / group >= 4 * threads
 
 
+def test_slices_grow_where_steps_are_quicker_than_was_guessed(cut, monkeypatch):
+    kernel = spring()
+    whole, calls = fly(kernel), cut(kernel, 1)
+    monkeypatch.setattr(shared_steps, "SLICE", 1.0)
+    monkeypatch.setattr(
+        kernel, "machine", dataclasses.replace(kernel.machine, pace=1.0)
+    )
+    assert all(same_bits(a, b) for a, b in zip(fly(kernel), whole, strict=True))
+    # 1, 2, 4, 8, 16 and 29 steps of the first block, then all of the 25 others
+    assert len(calls) == 6 + 25
+
+
 @pytest.mark.parametrize("threads", [1, 3])
 def test_an_interrupt_leaves_the_arrays_given_and_the_kernel_as_they_were(
     cut, monkeypatch, threads

@@ -14,7 +14,10 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.loads import applied_force
+from skyarm.plant.surroundings import Surroundings
+from skyarm.records.immutable import immutable
 from skyarm.vehicle.vehicle_records import BodyDrag
+from skyarm.world.component import Force, Wrench
 from support.one_vehicle import motion_of
 from support.vehicles import (
     HOVER,
@@ -135,6 +138,44 @@ def test_loads_of_the_air_do_not_depend_on_the_heading():
     b = generalized(vehicle, turned, (0.0,) * 3, wind)
     np.testing.assert_allclose(b[:3], rotation_matrix(array(turn)) @ a[:3], atol=1e-13)
     np.testing.assert_allclose(b[3:], a[3:], atol=1e-13)
+
+
+@immutable
+class Tug(Force[tuple[()]]):
+    """A wrench on the second link, which says whether it acts."""
+
+    acts: float | int = 1
+
+    def wrenches(self, memory, t, motion, rotor_speeds):
+        """The one wrench."""
+        return [
+            Wrench(
+                force_W=Vec3(1.0, -2.0, 3.0),
+                torque_W=Vec3(0.1, 0.2, -0.3),
+                point=Vec3(0.1, 0.0, 0.2),
+                body=1,
+                acts=self.acts,
+            )
+        ]
+
+
+def test_a_wrench_that_acts_at_times_pushes_then_as_one_that_always_does():
+    vehicle = random_flyer(3, 3)
+    always, acting, resting = (
+        generalized(
+            vehicle,
+            tumbling(vehicle, 3),
+            (0.0, 0.0, 0.0),
+            Surroundings(components=(Tug(acts=each),), memories=((),)),
+        )
+        for each in (1, 1.0, 0.0)
+    )
+    np.testing.assert_allclose(acting, always, rtol=1e-12)
+    nothing = generalized(
+        vehicle, tumbling(vehicle, 3), (0.0, 0.0, 0.0), Surroundings()
+    )
+    np.testing.assert_allclose(resting, nothing, rtol=1e-12)
+    assert np.abs(always - nothing).max() > 1.0
 
 
 def test_a_negated_quaternion_is_the_same_attitude():

@@ -151,7 +151,7 @@ def hold(
 
     def step(both: Moved) -> Moved:
         return COUPLED_STEP[near](
-            worlds, both[0], commands, around.with_coupled(both[1]), seconds / finer
+            worlds, both[0], commands, around.near(both[1]), seconds / finer
         )
 
     far: Scalar = count.far > 0 and there.far(motions, seconds)

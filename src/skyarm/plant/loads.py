@@ -6,10 +6,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import reduce
 from typing import TypeGuard
 
 from skyarm.algebra import ZERO3, Force, Scalar, Scalars, Vec3, sums
-from skyarm.algebra.scalars import add, data, mul, where
+from skyarm.algebra.scalars import add, data, maximum, mul, where
+from skyarm.compile.tracing.lower import compute_where
 from skyarm.dynamics.actuators import (
     Command,
     friction_per_rate,
@@ -31,7 +33,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.plant.interface import Truth
 from skyarm.plant.surroundings import AnyComponent, Surroundings, Together
-from skyarm.records.leaves import Tree
+from skyarm.records.leaves import Tree, as_data
 from skyarm.vehicle import BASE, Rotor, Vehicle
 from skyarm.world import Effectiveness, PayloadMemory, TimedPayload, WindSample, Wrench
 
@@ -186,6 +188,21 @@ def _outside(
     """Sum of wrenches on bodies, as a force and torque on the base and torques of the
     joints.
     """
+    total, pushed = _sum([each for each in wrenches if type(each.acts) is int], motion)
+    if seldom := [each for each in wrenches if type(each.acts) is not int]:
+        none: tuple[Force, Scalars] = Force(ZERO3, ZERO3), (0,) * motion.vehicle.n
+        force, efforts = compute_where(
+            reduce(maximum, [each.acts for each in seldom]) > 0.5,
+            lambda given: as_data(_sum(given, motion)),
+            tuple(replace(each, acts=1) for each in seldom),
+            as_data(none),
+        )
+        total, pushed = total + force, sums(pushed, efforts)
+    return total, pushed
+
+
+def _sum(wrenches: Sequence[Wrench], motion: PointMotion) -> tuple[Force, Scalars]:
+    """Sum of wrenches that all act."""
     total = Force(ZERO3, ZERO3)
     pushed: Scalars = (0,) * motion.vehicle.n
     for wrench in wrenches:

@@ -285,6 +285,13 @@ class Together:
             finer = maximum(finer, steps)
         return tuple(memory for memory, _ in pairs), finer
 
+    def near(self, memories: Memories) -> Together:
+        """Copy of the surroundings with the coupled models' internal states before a
+        step in which they may act.
+        """
+        there = self.with_coupled(memories)
+        return self.with_coupled([c.near(memory) for _, c, memory in there.coupled])
+
     def alone(self, seconds: Scalar, rounds: int, gravity: Scalar) -> Memories:
         """Internal states of the coupled models after ``seconds`` without contact."""
         return tuple(

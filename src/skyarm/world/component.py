@@ -54,6 +54,8 @@ class Wrench:
     Attributes:
         body: index into ``Vehicle.moving`` (links, then followers), or ``BASE``.
         agent: name of the vehicle; empty for the one whose motion the model was given.
+        acts: 0 where force and torque are zero, so that machine code may skip what
+            follows from them; else 1.
     """
 
     force_W: Annotated[Vec3, Unit("N", "force, world axes")] = ZERO3
@@ -63,6 +65,7 @@ class Wrench:
     ] = ZERO3
     body: int = BASE
     agent: str = ""
+    acts: Scalar = 1
 
     def __post_init__(self) -> None:
         # made at every stage of the integrator: what holds vectors already is not
@@ -185,6 +188,12 @@ class StepLimits(Generic[Memory]):
         more during an impact.
         """
         return memory, 1.0
+
+    def near(self, memory: Memory) -> Memory:
+        """Internal state of a model such as a contact before an integration step in
+        which it may exert a force.
+        """
+        return memory
 
     def alone(
         self, memory: Memory, seconds: Scalar, rounds: int, gravity: Scalar

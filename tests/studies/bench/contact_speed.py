@@ -85,14 +85,17 @@ def standing_contenders(duration: float, threads: int, blocks: int) -> list[Cont
     then the closed loop.
     """
     scenario = standing(duration)
-    count, seconds = _plant(scenario).substeps(0.005).near, 1.0 / scenario.rates.control
+    count, seconds = (
+        plant_of(scenario).substeps(0.005).near,
+        1.0 / scenario.rates.control,
+    )
     return [
         *bare_mujoco(scenario, seconds / count, threads),
         *ours(scenario, threads, blocks),
     ]
 
 
-def _plant(scenario: Scenario) -> RigidBodyPlant:
+def plant_of(scenario: Scenario) -> RigidBodyPlant:
     around = first_surroundings(scenario, first_loop_state(scenario))
     return RigidBodyPlant(
         scenario.plant, around, scenario.integrator, 1.0 / scenario.rates.physics
@@ -131,7 +134,7 @@ def ours(scenario: Scenario, threads: int, blocks: int) -> list[Contender]:
     found = []
     free = dataclasses.replace(scenario, world=None)
     for name, each in (("contact", scenario), ("free", free)):
-        plant = _plant(each)
+        plant = plant_of(each)
         flight, steps = (
             Flight.of(each, plant.substeps, paths=PATHS),
             plant.substeps(1.0 / each.rates.control).near,

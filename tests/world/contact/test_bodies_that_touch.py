@@ -222,6 +222,18 @@ def test_floats_and_every_lane_of_a_batch_touch_with_the_same_bits(tmp_path):
         assert np.array_equal(slow[name], fast[name])
 
 
+def test_a_bristle_stands_up_where_bodies_were_apart():
+    contact = Contact(surfaces=(Surface(name="floor", shape="plane"),)).on(
+        {"": solid(shape("sphere", (0.1,)))}
+    )
+    bent = (Vec3(1e-4, 0.0, 2e-4),)
+    memory = dataclasses.replace(contact.start(0.005, ()), bristles=bent)
+    assert contact.near(memory).bristles == bent
+    apart = contact.alone(memory, 0.005, 1, GRAVITY)
+    assert contact.near(apart).bristles == (ZERO3,)
+    assert contact.near(contact.near(apart)) == contact.near(apart)
+
+
 def test_a_pair_that_is_ignored_passes_through(tmp_path):
     post = {"name": "post", "shape": "sphere", "size": [0.1]}
     world = [{"name": "ground"}, {**post, "position": [5.0, 0.0, 0.0]}]

@@ -194,10 +194,13 @@ block:
   %episodes.at = getelementptr i64, ptr %keys, i64 %offset
   %episodes.ptr = getelementptr i64, ptr %episodes.at, i64 1
   %seeds.ptr = getelementptr i64, ptr %episodes.ptr, i64 %lanes""")
+    # the parameters' part may have ended in another block
     writer.do("""
+  br label %ready
+ready:
   br label %head
 head:
-  %i = phi i64 [ %begin, %block ], [ %i.next, %latch ]""")
+  %i = phi i64 [ %begin, %ready ], [ %i.next, %latch ]""")
     head = len(writer.lines)
     for i, node in enumerate(carry):
         writer.names[node.index] = f"%c{i}"
@@ -227,7 +230,7 @@ body:
         _write_log(writer, results[loop.carry :])
     # phis come first in a block, but name what the step computes
     writer.lines[head:head] = [
-        f"  %c{i} = phi {lanes.vector} [ {start}, %block ], [ {end}, %latch ]"
+        f"  %c{i} = phi {lanes.vector} [ {start}, %ready ], [ {end}, %latch ]"
         for i, (start, end) in enumerate(
             zip(starts, results[: loop.carry], strict=True)
         )

@@ -101,6 +101,7 @@ class Writer:
     Attributes:
         functions: lines of the shared functions that are called, by the identity of
             each.
+        block: label that the last instruction is under.
     """
 
     lanes: Lanes
@@ -108,6 +109,7 @@ class Writer:
     names: dict[int, str] = field(default_factory=dict)
     intrinsics: set[str] = field(default_factory=set)
     functions: dict[int, list[str]] = field(default_factory=dict)
+    block: str = "entry"
     _count: int = 0
 
     def fresh(self) -> str:
@@ -167,14 +169,17 @@ class Writer:
             f"{label}:",
         ]
         heads = len(self.lines)
+        self.block = label
         self.program(body)
         ends = [self.names[arg.index] for arg in block.args[len(slots) :]]
         # phis come first in a block, but name what its end computes
         phis = [
-            f" = phi {vector} [ {start}, %{label}.entry ], [ {end}, %{label} ]"
+            f" = phi {vector} [ {start}, %{label}.entry ], [ {end}, %{self.block} ]"
             for start, end in zip(starts, ends, strict=True)
         ]
-        count_phi = f" = phi i64 [ 1, %{label}.entry ], [ %{label}.next, %{label} ]"
+        count_phi = (
+            f" = phi i64 [ 1, %{label}.entry ], [ %{label}.next, %{self.block} ]"
+        )
         self.lines[heads:heads] = [
             f"  %{label}.i{count_phi}",
             *(f"  %{label}.s{k}{phi}" for k, phi in enumerate(phis)),
@@ -191,6 +196,7 @@ class Writer:
             f"{label}.exit:",
         ]
         self.lines += [f"  %{label}.e{k}{phi}" for k, phi in enumerate(phis)]
+        self.block = f"{label}.exit"
 
     def scratch(self, nodes: Iterable[Node]) -> None:
         """Write assembly that reserves memory for arguments and results of the shared
@@ -216,8 +222,11 @@ class Writer:
     def _apply(self, call: Node) -> None:
         """Write the assembly of a call of a shared function, and of that function if
         this is its first call.
+
+        Where the call has a condition it is skipped if that holds in no SIMD lane.
         """
         function = call.value
+        label = f"r{call.index}"
         vector = self.lanes.vector
         if id(function) not in self.functions:
             lines = self.functions[id(function)] = list[str]()
@@ -237,11 +246,37 @@ class Writer:
                 inner.do(f"  store {vector} {inner.names[node.index]}, ptr {at}")
             inner.do("  ret void\n}")
         name = f"@shared{1 + list(self.functions).index(id(function))}"
-        for k, arg in enumerate(call.args):
-            self.do(f"  store {vector} {self.names[arg.index]}, ptr {self._cell(k)}")
+        given = [self.names[arg.index] for arg in call.args]
+        only, others = (
+            given[len(function.inputs) :][:1],
+            given[len(function.inputs) + 1 :],
+        )
+        if only:
+            some = self._any(*only)
+            self.do(f"  br label %{label}.entry\n{label}.entry:")
+            self.do(f"  br i1 {some}, label %{label}, label %{label}.exit\n{label}:")
+        for k, arg in enumerate(given[: len(function.inputs)]):
+            self.do(f"  store {vector} {arg}, ptr {self._cell(k)}")
         self.do(f"  call void {name}(ptr %scratch)")
-        for k, _ in enumerate(function.outputs):
-            self.do(f"  %r{call.index}.e{k} = load {vector}, ptr {self._cell(k)}")
+        if not only:
+            for k, _ in enumerate(function.outputs):
+                self.do(f"  %{label}.e{k} = load {vector}, ptr {self._cell(k)}")
+            return
+        mask = f"{self.lanes.mask} {only[0]}"
+        chosen = [
+            self.emit(
+                f"select {mask}, {vector}"
+                f" {self.emit(f'load {vector}, ptr {self._cell(k)}')}, {vector} {other}"
+            )
+            for k, other in enumerate(others)
+        ]
+        self.block = f"{label}.exit"
+        self.do(f"  br label %{self.block}\n{self.block}:")
+        for k, (new, other) in enumerate(zip(chosen, others, strict=True)):
+            self.do(
+                f"  %{label}.e{k} = phi {vector} [ {new}, %{label} ],"
+                f" [ {other}, %{label}.entry ]"
+            )
 
     def _goes_on(self, left: str) -> str:
         """Write assembly of the condition (i1) that any SIMD lane needs another

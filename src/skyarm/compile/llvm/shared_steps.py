@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from queue import Empty, SimpleQueue
+from time import perf_counter
 from typing import Any
 
 from skyarm.records.arrays import AnyArray as Array
@@ -170,15 +171,12 @@ class SharedSteps:
         def step() -> None:
             arguments = Arguments(*self._fixed)
             arguments[START] = start
+            length = span
             with suppress(IndexError):  # no group is left
                 while not given_up:
                     first = groups.popleft()
                     arguments[FIRST:BEGIN] = [first, min(first + group, self._blocks)]
-                    for begin in range(0, self._steps, span):
-                        if given_up:
-                            return
-                        arguments[BEGIN:START] = [begin, min(begin + span, self._steps)]
-                        self._machine.call(arguments)
+                    length = self._step_group(arguments, length, span, given_up)
 
         # a whole needs another thread, which goes on where this one is interrupted
         shares = int(self._blocks * self._steps * pace / SHARED)
@@ -223,6 +221,41 @@ class SharedSteps:
             raise
         if failed:
             raise failed[0]
+
+    def _step_group(
+        self,
+        arguments: ctypes.Array[ctypes.c_int64],
+        length: int,
+        span: int,
+        given_up: Sequence[bool],
+    ) -> int:
+        """Advance some blocks through all rows, in slices as long as the last ones'
+        times allow.
+
+        The ``span`` of a guessed pace counts what code skips where nothing is near.
+
+        Args:
+            arguments: of the machine code.
+            length: steps of the first slice.
+            span: steps of a slice after one that took too long.
+            given_up: not empty once it has to end early.
+
+        Returns:
+            Steps of the next slice.
+        """
+        end = 0
+        while end < self._steps and not given_up:
+            begin = end
+            end = min(begin + length, self._steps)
+            arguments[BEGIN:START] = [begin, end]
+            begun = perf_counter()
+            self._machine.call(arguments)
+            taken = perf_counter() - begun
+            if taken < SLICE / 4.0:
+                length *= 2
+            elif taken > SLICE:
+                length = span
+        return length
 
 
 def slice_work(blocks: int, steps: int, pace: float, threads: int) -> tuple[int, int]:

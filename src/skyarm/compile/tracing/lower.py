@@ -204,6 +204,7 @@ def compiled_once(
     constants: object = (),
     *,
     any_numbers: bool = False,
+    only: tuple[Scalar, Result] | None = None,
 ) -> Result:
     """Apply a function to a record; in a program for machine code, by code that is
     written once for all equal calls.
@@ -220,7 +221,13 @@ def compiled_once(
             each call has code of its own.
         any_numbers: calls are equal whatever the floats of the record are; without,
             these are constants of the code.
+        only: a condition, and the result where it does not hold: machine code calls the
+            function only if the condition holds in one of its lanes, within loops, too.
     """
+    if only is not None and isinstance(only[0], bool):
+        if not only[0]:
+            return only[1]
+        only = None
     symbols = _symbols(record)
     if any_numbers and symbols:
         lift = symbols[0].graph.lift
@@ -232,7 +239,7 @@ def compiled_once(
     whole = (record, constants)
     functions = symbols[0].graph.functions if symbols else None
     if functions is None or _symbols(constants):
-        return function(record)
+        return _only(only, function(record))
     known = functions.setdefault(key, [])
     call = next((each for each in known if _equal_call(each[0], whole)), None)
     if call is None:
@@ -248,17 +255,39 @@ def compiled_once(
         # refuses a symbol that is no input
         outputs = [inner.lift(each) for each in _symbols(result)]
         if any(map(is_condition, (*symbols, *outputs))):
-            return function(record)
+            return _only(only, function(record))
         call = whole, lower(inputs, live(outputs), outputs), result
         # closing a graph clears its functions, which others share here
         inner.functions = None
         inner.close(lowered=True)
         known.append(call)
     graph, (_, lowered, shape) = symbols[0].graph, call
-    block = graph.apply(lowered, symbols)
-    return _with_symbols(
-        cast("Result", shape),
-        [graph.result(block, k) for k in range(len(lowered.outputs))],
+    result = cast("Result", shape)
+    if only is None:
+        block = graph.apply(lowered, symbols)
+    else:
+        rows = zip(leaves(result), leaves(only[1]), strict=True)
+        others = [graph.lift(old) for new, old in rows if isinstance(new, Node)]
+        block = graph.apply(lowered, [*symbols, graph.lift(only[0]), *others])
+    results = [graph.result(block, k) for k in range(len(lowered.outputs))]
+    return _only(only, _with_symbols(result, results), called=True)
+
+
+def _only(
+    only: tuple[Scalar, Result] | None, result: Result, *, called: bool = False
+) -> Result:
+    """Result where a condition holds, if there is one, else another.
+
+    The symbols of a call are chosen already.
+    """
+    if only is None:
+        return result
+    return rebuild(
+        only[1],
+        (
+            new if called and isinstance(new, Node) else where(only[0], new, old)
+            for new, old in zip(leaves(result), leaves(only[1]), strict=True)
+        ),
     )
 
 

@@ -161,7 +161,12 @@ def _expression(node: Node, name: Callable[[Node], str], divide: str) -> str:
         ]
         return f"call{node.index}({', '.join(f'({group})' for group in groups)})"
     if node.op == "apply":
-        return f"apply{node.index}(({''.join(f'{arg}, ' for arg in args)}))"
+        inputs = len(node.value.inputs)
+        call = f"apply{node.index}(({''.join(f'{arg}, ' for arg in args[:inputs])}))"
+        if not args[inputs:]:
+            return call
+        others = "".join(f"{arg}, " for arg in args[inputs + 1 :])
+        return f"{call} if {args[inputs]} else ({others})"
     form = divide if node.op == "div" else _FORMS.get(node.op)
     return form.format(*args) if form else f"{node.op}({', '.join(args)})"
 

@@ -420,7 +420,13 @@ class Graph:
         return [self.result(block, k) for k in range(count)]
 
     def apply(self, function: Lowered, args: Sequence[Node]) -> Node:
-        """Record a call of a traced function, which is compiled once."""
+        """Record a call of a traced function, which is compiled once.
+
+        Args:
+            function: the program.
+            args: its inputs; of a call that is made only where a condition holds in a
+                lane, then the condition and the results elsewhere.
+        """
         key = ("apply", id(function), *[arg.index for arg in args])
         return self._make("apply", tuple(args), function, key)
 

@@ -89,10 +89,11 @@ class GeomContact(Contact):
         """No contacts: the plant exerts their forces."""
         return []
 
-    def _vehicles_near(
-        self, memory: ContactMemory, motion: PointMotion, seconds: Scalar
-    ) -> list[Scalar]:
-        return [False]
+    def bodies_near(
+        self, memory: ContactMemory, motion: PointMotion, seconds: Scalar = 0.0
+    ) -> Scalar:
+        """False, since the plant exerts the forces of all bodies."""
+        return False
 
     def logged(self, memory: ContactMemory, motion: PointMotion) -> Scalars:
         """Logged contact forces, states of objects, and forces of pairs of bodies."""

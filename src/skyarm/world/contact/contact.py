@@ -354,6 +354,7 @@ class Contact(ContactSteps):
         return ContactMemory(
             finer=(1.0,) if self.hit_steps > 1 else (),
             clock=(0.0,) if any(surface.moves for surface in self.surfaces) else (),
+            apart=(0.0,) if self.body_pairs else (),
             bristles=tuple(ZERO3_DATA for _ in range(self.bristle_count)),
             carried=tuple(carrier.start() for carrier in self.carriers),
             grips=tuple(gripper.start() for gripper in self.grippers),
@@ -518,6 +519,7 @@ class Contact(ContactSteps):
     ) -> Sequence[Wrench]:
         """Forces and torques of all contacts and grasps on the vehicle's bodies."""
         loads = self._loads(memory, motion, "body", len(self.vehicle_bodies))
+        acts = where(self.bodies_near(memory, motion), 1.0, 0.0)
         touches = self.on_points(memory, motion)
         pushes = []
         for i in range(len(self.points)):
@@ -529,7 +531,13 @@ class Contact(ContactSteps):
         return [
             *wrenches_on(self.points, motion, pushes),
             *(
-                Wrench(force_W=force, torque_W=torque, body=each.body, agent=each.agent)
+                Wrench(
+                    force_W=force,
+                    torque_W=torque,
+                    body=each.body,
+                    agent=each.agent,
+                    acts=acts,
+                )
                 for each, (force, torque) in zip(
                     self.vehicle_bodies, loads, strict=True
                 )

@@ -20,6 +20,8 @@ class ContactMemory:
         finer: steps in the place of one in this interval; empty where hits take no
             more.
         clock: s, of surfaces that move; empty where none does.
+        apart: 1 after an interval in which nothing could touch: then bristles of pairs
+            of bodies stand up, whatever is written of them; empty without such pairs.
         bristles: deflection of each pair's bristle, m, world axes, in the order of
             :func:`skyarm.world.contact.meetings.meetings_of`.
         carried: memories of the carriers. grips: memories of the grippers.
@@ -35,6 +37,7 @@ class ContactMemory:
 
     finer: Scalars
     clock: Scalars
+    apart: Scalars
     bristles: tuple[Vec3, ...]
     carried: tuple[Any, ...] = ()
     grips: tuple[Grip, ...] = ()

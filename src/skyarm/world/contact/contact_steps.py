@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import reduce
 
-from skyarm.algebra import Scalar
+from skyarm.algebra import ZERO3_DATA, Scalar
 from skyarm.algebra.scalars import (
     absolute,
     clip,
@@ -21,7 +21,7 @@ from skyarm.algebra.scalars import (
 )
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import RecordError, concrete
-from skyarm.records.leaves import leaves
+from skyarm.records.leaves import blend, leaves
 from skyarm.world.contact.carrier import AnyCarrier, reduced_mass, untouched_after
 from skyarm.world.contact.contact_memory import ContactMemory
 from skyarm.world.contact.grasp import Grasp
@@ -238,7 +238,9 @@ class ContactSteps(TouchingBodies):
             return reduce(maximum, speeds)
 
         nothing: Scalar = -1.0
-        return self.with_touches(memory, motion, fastest, nothing, seconds)
+        # speeds ask for no bristles, whose rates would be computed far away, too
+        bare = replace(memory, bristles=(ZERO3_DATA,) * self.bristle_count)
+        return self.with_touches(bare, motion, fastest, nothing, seconds)
 
     @property
     def most_hit_steps(self) -> int:  # type: ignore[override]
@@ -273,16 +275,35 @@ class ContactSteps(TouchingBodies):
         )
         return replace(memory, finer=(finer,)), finer
 
+    def near(self, memory: ContactMemory) -> ContactMemory:
+        """Internal state of the contact model before a step in which bodies may
+        touch.
+        """
+        if not memory.apart:
+            return memory
+        count = self.meeting_count
+        bodies = memory.bristles[count:]
+        up = (ZERO3_DATA,) * len(bodies)
+        bodies = blend(memory.apart[0] > 0.5, up, bodies)
+        bristles = (*memory.bristles[:count], *bodies)
+        return replace(memory, bristles=bristles, apart=(0.0,))
+
     def alone(
         self, memory: ContactMemory, seconds: Scalar, rounds: int, gravity: Scalar
     ) -> ContactMemory:
         """Internal state of the contact model after ``seconds`` without any contact."""
         left = exp(-RECOVERY * seconds)
+        points = memory.bristles[: self.meeting_count]
         bodies = zip(self.carriers, memory.carried, strict=True)
         return replace(
             memory,
             clock=tuple(t + seconds for t in memory.clock),
-            bristles=tuple(bristle * left for bristle in memory.bristles),
+            # those of bodies are set up when they are near again: they are many
+            bristles=(
+                *(bristle * left for bristle in points),
+                *memory.bristles[len(points) :],
+            ),
+            apart=tuple(1.0 for _ in memory.apart),
             carried=tuple(
                 untouched_after(each, body, seconds / rounds, rounds, gravity)
                 for each, body in bodies

@@ -524,7 +524,7 @@ class TouchingBodies(Force[ContactMemory]):
         """
         if not self.body_pairs:
             return other
-        near = reduce(logical_or, self._vehicles_near(memory, motion, seconds))
+        near = self.bodies_near(memory, motion, seconds)
         places = [(m.state.position, m.state.joints) for m in motion.agents.values()]
 
         def touches(moved: Sequence[tuple[Vec3, Scalars]]) -> Result:
@@ -533,11 +533,11 @@ class TouchingBodies(Force[ContactMemory]):
 
         return compute_where(near, touches, tuple(places), other)
 
-    def _vehicles_near(
-        self, memory: ContactMemory, motion: PointMotion, seconds: Scalar
-    ) -> list[Scalar]:
-        """For each vehicle with shapes and each thing: whether the ball around the
-        vehicle may meet it within ``seconds``.
+    def bodies_near(
+        self, memory: ContactMemory, motion: PointMotion, seconds: Scalar = 0.0
+    ) -> Scalar:
+        """True if the ball around a vehicle with shapes may meet anything within
+        ``seconds``.
         """
         clock = (*memory.clock, 0.0)[0]
         own = {each.agent for each in self.vehicle_bodies}
@@ -548,7 +548,7 @@ class TouchingBodies(Force[ContactMemory]):
             Side(each.frame(body), tuple(map(part_of, each.surfaces)))
             for each, body in rows
         ]
-        near: list[Scalar] = [True] if self.self_collision else []
+        near: list[Scalar] = [self.self_collision and bool(own)]
         for i, (centre, reach, speed) in enumerate(balls):
             for side in (*fixed, *moved):
                 gap, other = gap_of_ball(centre, reach, side)
@@ -557,4 +557,4 @@ class TouchingBodies(Force[ContactMemory]):
                 way = there - centre
                 gap = sqrt(way.dot(way)) - reach - theirs
                 near.append(logical_not(too_far(-gap, speed + rate, seconds)))
-        return near
+        return reduce(logical_or, near)

@@ -16,11 +16,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import reduce
 from itertools import combinations
-from operator import add
 
 from skyarm.algebra import ZERO3, Mat3, Scalar, Vec3
-from skyarm.algebra.scalars import absolute, divide, maximum, sqrt, where
-from skyarm.compile.tracing.lower import compiled_once, compute_where
+from skyarm.algebra.scalars import absolute, divide, logical_or, maximum, sqrt, where
+from skyarm.compile.tracing.lower import compiled_once
 from skyarm.dynamics.kinematics import every_rate
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.immutable import field_if_any, immutable, positional
@@ -33,7 +32,7 @@ from skyarm.world.contact.contact_point import BASE_NAME, body_axes
 from skyarm.world.contact.grasp import Grasp
 from skyarm.world.contact.gripper import Gripper
 from skyarm.world.contact.material import RECOVERY, Material
-from skyarm.world.contact.shape_pairs import HOLLOW, PlacedShape, places
+from skyarm.world.contact.shape_pairs import PlacedShape, places
 from skyarm.world.contact.surface import Surface
 
 _TINY = 1e-24
@@ -268,25 +267,36 @@ def fixed_side(surface: Surface, clock: Scalar) -> Side:
 
 
 def touch_of_bodies(record: Record) -> BodyTouch:
-    """Touch of two bodies; the shapes of the second have the material."""
-    # equal code for all pairs of equal shapes: the record's structure tells them apart
-    kinds = tuple(
-        (each.shape.shape, each.shape.faces)
-        for side in record[:2]
-        for each in side.parts
-    )
-    return compiled_once(
-        ("bodies", kinds, len(record[0].parts)), _where_near, record, any_numbers=True
-    )
+    """Touch of two bodies; the shapes of the second have the material.
 
-
-def _where_near(record: Record) -> BodyTouch:
-    """Touch of two bodies, whose places are computed where balls around them meet."""
-    a, b, bristle, *_ = record
+    It is computed where balls around them meet.
+    """
+    a, b, bristle, step, mean, mass = record
     reach = reduce(maximum, [each.reach for each in a.parts])
     gap, speed = gap_of_ball(a.frame.position, reach, b)
-    apart = no_touch(bristle, -gap, speed_of(a.frame, reach) + speed)
-    return compute_where(gap < 0.0, _sum_over_places, record, apart)
+    speed = speed_of(a.frame, reach) + speed
+    # equal code for pairs of equal shapes: the record's structure tells them apart
+    kinds = tuple(_kind(each) for side in record[:2] for each in side.parts)
+    total = compiled_once(
+        ("bodies", kinds, len(a.parts)),
+        _press_of_shapes,
+        (a, b, mean, speed * speed),
+        only=(gap < 0.0, replace(NO_PRESS, depth=-gap, square=speed * speed)),
+    )
+    apart = no_touch(bristle, total.depth, sqrt(total.square + _TINY))
+    material = b.parts[0].shape.material
+    return compiled_once(
+        "friction",
+        _with_friction,
+        (total, a.frame, b.frame, material, bristle, step, mass),
+        any_numbers=True,
+        only=(logical_or(total.depth > 0.0, total.force > 0.0), apart),
+    )
+
+
+def _kind(part: Part) -> tuple[object, ...]:
+    """Key of code for a shape: its kind and the faces of a hull."""
+    return part.shape.shape, part.shape.faces
 
 
 def no_touch(bristle: Vec3, depth: Scalar = -1e9, speed: Scalar = 0.0) -> BodyTouch:
@@ -363,7 +373,7 @@ def _farthest(joint: Joint) -> Scalar:
 
 @positional
 class Press:
-    """Normal forces between two shapes, summed over the places at which they touch.
+    """Normal forces between two bodies, summed over the places at which they touch.
 
     Attributes:
         force: sum, N. moment: sum of force times place, N m; second: of force times
@@ -371,7 +381,7 @@ class Press:
         push: sum of the force vectors on the first, N, world axes. torque: about the
             first body's origin, N m.
         depth: largest penetration, m. square: of the largest speed of the places
-            against each other, and of any points of shapes that do not touch, m^2/s^2.
+            against each other, and of any points where shapes do not touch, m^2/s^2.
     """
 
     force: Scalar
@@ -383,49 +393,24 @@ class Press:
     square: Scalar
 
 
-Shapes = tuple[PlacedShape, PlacedShape, CarriedFrame, CarriedFrame, Material, Scalar]
-"""Two shapes in the world, motions of their bodies, material, and time (s) over whose
-way the penetration is a mean."""
+NO_PRESS = Press(0.0, _NOTHING, 0.0, _NOTHING, _NOTHING, -1e9, 0.0)
+"""No forces of shapes far away."""
+
+Shapes = tuple[Press, Part, Part, CarriedFrame, CarriedFrame, Scalar, Scalar]
+"""Sum over the shapes before, two shapes, motions of their bodies, time (s) over whose
+way the penetration is a mean, and square (m^2/s^2) of the bodies' largest speed."""
 
 
 def _press(record: Shapes) -> Press:
-    """Normal forces between two shapes; of shapes whose balls are apart only the depth,
-    as minus the distance of the balls.
-    """
-    a, b, *_ = record
-    if b.shape.shape in HOLLOW:
-        gap = -b.skin(a.position, a.shape.farthest)[0]
-    else:
-        way = b.position - a.position
-        both = a.shape.farthest + b.shape.farthest
-        gap = sqrt(way.dot(way) + _TINY) - both
-    speed = _fastest(record)
-    apart = Press(0.0, _NOTHING, 0.0, _NOTHING, _NOTHING, -gap, speed * speed)
-    return compute_where(gap < 0.0, _press_at_places, record, apart)
-
-
-def _fastest(record: Shapes) -> Scalar:
-    """Largest speed (m/s) of any points of two shapes against each other."""
-    total: Scalar = 0.0
-    for each, frame in zip(record[:2], record[2:4], strict=True):
-        way = each.position - frame.position
-        plane = each.shape.shape == "plane"
-        reach = 0.0 if plane else sqrt(way.dot(way) + _TINY) + each.shape.farthest
-        total = total + speed_of(frame, reach)
-    return total
-
-
-def _press_at_places(record: Shapes) -> Press:
-    """Normal forces between two shapes."""
-    one, other, a, b, material, mean = record
-    force: Scalar = 0.0
-    second: Scalar = 0.0
-    square: Scalar = 0.0
-    moment = push = torque = ZERO3
+    """Normal forces between two shapes, added to those before."""
+    total, one, other, a, b, mean, fastest = record
+    force, second = total.force, total.second
+    moment, push, torque = total.moment, total.push, total.torque
     depth: Scalar = -math.inf
-    for place, deep, normal in places(one, other):
+    square: Scalar = 0.0
+    for place, deep, normal in places(one.in_world(a), other.in_world(b)):
         slip = a.velocity_at(place) - b.velocity_at(place)
-        pressing = material.normal_force(deep, -slip.dot(normal), mean)
+        pressing = other.shape.material.normal_force(deep, -slip.dot(normal), mean)
         lever = place - a.position
         vector = normal * pressing
         force, push = force + pressing, push + vector
@@ -435,13 +420,56 @@ def _press_at_places(record: Shapes) -> Press:
         depth = maximum(depth, deep)
         square = maximum(square, slip.dot(slip))
     # a body that turns may arrive with another place than the nearest
-    square = where(depth > 0.0, square, _fastest(record) * _fastest(record))
-    # a component that is always zero is an int, which a loop does not carry
-    return as_data(Press(force, moment, second, push, torque, depth, square))
+    square = where(depth > 0.0, square, fastest)
+    depth, square = maximum(depth, total.depth), maximum(square, total.square)
+    return Press(force, moment, second, push, torque, depth, square)
 
 
-def _sum_over_places(record: Record) -> BodyTouch:
-    """Touch of two bodies as the sum over their shapes.
+def _press_of_shapes(record: tuple[Side, Side, Scalar, Scalar]) -> Press:
+    """Normal forces of all shapes of two bodies.
+
+    Of shapes whose balls are apart only the distance of these counts. With the bodies
+    come the time (s) over whose way the penetration is a mean, and the square
+    (m^2/s^2) of their largest speed.
+    """
+    a, b, mean, fastest = record
+    total = NO_PRESS
+    # zeros of a rotation save work, those of a place would only make more code
+    other = replace(b.frame, position=as_data(b.frame.position))
+    for one in a.parts:
+        centre = a.frame.position + a.frame.rotation.apply(one.position)
+        for part in b.parts:
+            gap, _ = gap_of_ball(centre, one.shape.farthest, Side(b.frame, (part,)))
+            apart = replace(
+                total,
+                depth=maximum(total.depth, -gap),
+                square=maximum(total.square, fastest),
+            )
+            total = compiled_once(
+                ("shapes", _kind(one), _kind(part)),
+                _press,
+                (
+                    total,
+                    replace(one, position=as_data(one.position)),
+                    part,
+                    a.frame,
+                    other,
+                    mean,
+                    fastest,
+                ),
+                any_numbers=True,
+                only=(gap < 0.0, apart),
+            )
+    return total
+
+
+Pressed = tuple[Press, CarriedFrame, CarriedFrame, Material, Vec3, Scalar, Scalar]
+"""Normal forces of two bodies, their motions, material, deflection of their bristle
+(m), longest step of the contact (s), and least mass (kg) that they move."""
+
+
+def _with_friction(record: Pressed) -> BodyTouch:
+    """Touch of two bodies by the normal forces of their shapes.
 
     Friction is that of the whole patch: one bristle bends along the mean plane by the
     slip at the mean place, and along its normal by the spin times the root mean square
@@ -451,42 +479,17 @@ def _sum_over_places(record: Record) -> BodyTouch:
     Source: Howe, Cutkosky 1996, Practical force-motion models for sliding
     manipulation, eqs. (7) to (9).
     """
-    a, b, bristle, step, mean, mass = record
-    material = b.parts[0].shape.material
-    total = [
-        compiled_once(
-            (
-                "shapes",
-                one.shape.shape,
-                one.shape.faces,
-                part.shape.shape,
-                part.shape.faces,
-            ),
-            _press,
-            (
-                one.in_world(a.frame),
-                part.in_world(b.frame),
-                a.frame,
-                b.frame,
-                material,
-                mean,
-            ),
-            any_numbers=True,
-        )
-        for one in a.parts
-        for part in b.parts
-    ]
-    normal = reduce(add, [each.force for each in total])
-    push = reduce(add, [each.push for each in total])
-    torque = reduce(add, [each.torque for each in total])
+    total, a, b, material, bristle, step, mass = record
+    normal = total.force
+    push = total.push
     share = divide(1.0, normal + _TINY)
-    middle = reduce(add, [each.moment for each in total]) * share
-    lever = middle - a.frame.position
-    spread = reduce(add, [each.second for each in total]) * share - lever.dot(lever)
+    middle = total.moment * share
+    lever = middle - a.position
+    spread = total.second * share - lever.dot(lever)
     radius = sqrt(maximum(spread, 0.0) + _TINY)
     axis = push * divide(1.0, sqrt(push.dot(push) + _TINY))
-    slip = a.frame.velocity_at(middle) - b.frame.velocity_at(middle)
-    spin = (a.frame.turning - b.frame.turning).dot(axis)
+    slip = a.velocity_at(middle) - b.velocity_at(middle)
+    spin = (a.turning - b.turning).dot(axis)
     sliding = slip + axis * (spin * radius - axis.dot(slip))
     friction = material.friction_force(
         bristle, material.bending_rate(bristle, sliding), normal, mass
@@ -494,18 +497,16 @@ def _sum_over_places(record: Record) -> BodyTouch:
     twisting = axis.dot(friction)
     drag = friction - axis * twisting
     force = push + drag
-    torque = torque + lever.cross(drag) + axis * (twisting * radius)
-    depth = reduce(maximum, [each.depth for each in total])
-    fastest = reduce(maximum, [each.square for each in total])
+    torque = total.torque + lever.cross(drag) + axis * (twisting * radius)
     return as_data(
         BodyTouch(
             force=force,
             torque=torque,
-            back=-torque - (a.frame.position - b.frame.position).cross(force),
+            back=-torque - (a.position - b.position).cross(force),
             normal=normal,
             place=middle,
-            depth=depth,
-            speed=sqrt(fastest + _TINY),
-            bristle_rate=material.bristle_rate(bristle, sliding, depth, step),
+            depth=total.depth,
+            speed=sqrt(total.square + _TINY),
+            bristle_rate=material.bristle_rate(bristle, sliding, total.depth, step),
         )
     )
