@@ -225,7 +225,7 @@ def test_an_unknown_sensor_is_refused_by_name():
     with pytest.raises(ScenarioError, match=r"sensors.writs: .*wrist"):
         next(log.frames("writs"))
     bare = scenario.with_agent(replace(scenario.agent, sensors=()))
-    with pytest.raises(ScenarioError, match="sensors.wrist: there is no camera"):
+    with pytest.raises(ScenarioError, match=r"sensors.wrist: there is no camera"):
         first(bare, "wrist")
 
 
