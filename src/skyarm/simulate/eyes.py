@@ -246,16 +246,14 @@ class Eyes:
         """Pictures of a flight from its log, one at a time, when the sensor is due."""
         ticks = np.rint(log.time * self._scenario.rates.control).astype(int)
         due = np.flatnonzero(ticks % self._camera(name).every == 0)
+        vehicles = [(a.position, a.quaternion, a.joints) for a in log.agents.values()]
+        carried = {each: log.component(each) for each in CARRIED}
         # in pieces: memory does not grow with the flight
         for rows in (due[i : i + AT_ONCE] for i in range(0, len(due), AT_ONCE)):
-            own = log.agents.values()
             seen = _Instants(
                 log.time[rows],
-                [
-                    np.hstack([each.position, each.quaternion, each.joints])[rows]
-                    for each in own
-                ],
-                {each: log.component(each)[rows] for each in CARRIED},
+                [np.hstack([each[rows] for each in own]) for own in vehicles],
+                {each: array[rows] for each, array in carried.items()},
             )
             episodes = [self._scenario.episode] * len(rows)
             yield from self._frames(name, seen, ticks[rows].tolist(), episodes)
