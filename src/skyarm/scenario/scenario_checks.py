@@ -11,8 +11,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache, partial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 from skyarm.algebra import Mat3, Scalars
 from skyarm.control.controller import (
@@ -28,6 +29,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Mixer, make_mixer
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.dynamics.actuators.rotor import require_speeds
+from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import check_largest_step
 from skyarm.plant.surroundings import motions_of
@@ -40,11 +42,20 @@ from skyarm.records.words import Slot, slots
 from skyarm.reference.trajectory import Trajectory
 from skyarm.scenario.endings import BodyCollision, BodyContact, RotorContact
 from skyarm.scenario.paths import errors_of_agent, is_below
-from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
+from skyarm.scenario.scenario_record import (
+    Agent,
+    Scenario,
+    ScenarioError,
+    first_state,
+)
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle import Vehicle
 from skyarm.vehicle.vehicle_records import require_plant
 from skyarm.world import Component
+
+if TYPE_CHECKING:
+    from skyarm.sensing.cameras.camera_kinds import RaySensor
+    from skyarm.world.contact.contact import Contact
 
 LONGEST_FLIGHT = 10_000_000
 """Largest number of control periods of one episode, 14 h at 200 Hz; its log takes about
@@ -743,7 +754,7 @@ def _numbers_of_start(scenario: Scenario) -> object:
     if not scenario.worlds:
         return ()
     agents = [
-        (name, each.plant, each.reference, each.initial)
+        (name, each.plant, each.reference, each.initial, each.cameras)
         for name, each in scenario.agents.items()
     ]
     return scenario.environment.world, scenario.solver.contact, scenario.closure, agents
@@ -765,11 +776,46 @@ def begin(scenario: Scenario) -> None:
     for contact in scenario.worlds:
         motion = motions_of(truths, states, tuple(scenario.agents))[0]
         contact.require_within_reach(motion)
+        cameras = any(each.cameras for each in scenario.agents.values())
         # of a batch each lane shows itself
-        if contact.vehicle_bodies and concrete(*leaves((contact, *states, *truths))):
+        if (cameras or contact.vehicle_bodies) and concrete(
+            *leaves((contact, *states, *truths))
+        ):
             from skyarm.world.contact.initial_world import require_bodies_apart
 
             require_bodies_apart(contact, motion)
+            if cameras:
+                _require_clear_views(contact, scenario.agents, motion)
+
+
+def _require_clear_views(
+    contact: Contact, agents: Mapping[str, Agent], motion: PointMotion
+) -> None:
+    """Raise an error if a camera starts inside a surface or a movable body."""
+    from skyarm.world.contact.contact_point import ContactPoint
+
+    places = list[ContactPoint]()
+    for name, agent in agents.items():
+        at = f"agents.{name}." * (len(agents) > 1)
+        for each in agent.cameras:
+            sensor = cast("RaySensor", each.sensor)
+            where = ContactPoint(
+                name=f"{at}sensors.{each.name}.position",
+                body=sensor.link,
+                position=sensor.position,
+                agent=name,
+            )
+            places.append(where)
+    seeing = replace(contact, points=tuple(places))
+    meetings = seeing.meetings(seeing.start(1.0, ()), motion)
+    for met in meetings[: seeing.logged_pairs]:
+        if met.touch.depth > 0.0:
+            where = places[met.index]
+            given = shown([float(c) for c in where.position])
+            raise ValueError(
+                f"{where.name} = {given}: starts inside {met.surface!r}, must start"
+                " outside"
+            )
 
 
 def _require_start_outside(scenario: Scenario, name: str, state: State) -> None:

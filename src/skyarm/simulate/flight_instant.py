@@ -4,12 +4,14 @@ period flown last.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from skyarm.dynamics import State
 from skyarm.log.team_log import WITHIN
 from skyarm.plant.loads import wind_at
 from skyarm.records.arrays import Array
 from skyarm.reference import Reference
-from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece, state_arrays
 from skyarm.simulate.check_endings import Ended
@@ -17,6 +19,9 @@ from skyarm.simulate.engine import Engine
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.stages import Stages
 from skyarm.world import WindSample
+
+if TYPE_CHECKING:
+    from skyarm.simulate.eyes import Eyes, Frame
 
 
 class FlightInstant:
@@ -26,6 +31,9 @@ class FlightInstant:
 
     _engine: Engine
     """Simulator of the scenario in force."""
+
+    _seen: tuple[Scenario, Eyes] | None = None
+    """Cameras that were asked for last, with their scenario."""
 
     @property
     def tick(self) -> int:
@@ -83,6 +91,29 @@ class FlightInstant:
         self._require_one("reference")
         self._require_running()
         return self._engine.reference()
+
+    def frame(self, sensor: str) -> Frame:
+        """Picture of a camera or lidar from the present state.
+
+        Args:
+            sensor: name of the sensor, as ``wrist``, or ``left.wrist`` of several
+                vehicles.
+
+        Raises:
+            ScenarioError: no such sensor.
+        """
+        return self._eyes.frame(sensor, self.now, self.time, self.tick)
+
+    @property
+    def _eyes(self) -> Eyes:
+        """Cameras and lidars of the scenario in force."""
+        # most flights have none: neither module nor shapes are loaded for these
+        from skyarm.simulate.eyes import Eyes
+
+        scenario = self._engine.scenario
+        if self._seen is None or self._seen[0] is not scenario:
+            self._seen = scenario, Eyes(scenario)
+        return self._seen[1]
 
     @property
     def latest(self) -> Piece:

@@ -1,0 +1,362 @@
+"""Pictures of cameras and lidars: what each sees of the shapes of contact.
+
+A picture follows from the poses of all bodies, the time and the seed, and is computed
+when it is asked for: from the state of a running loop or from a log, with the same
+numbers. Neither the loop nor a log holds pictures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from skyarm.algebra import Vec3
+from skyarm.algebra.scalars.philox import normal
+from skyarm.log.flight_log import Log
+from skyarm.records.arrays import Array, IntArray, float_array, stack_values
+from skyarm.records.files import must_be_one_of
+from skyarm.records.immutable import immutable, positional
+from skyarm.records.leaves import rebuild
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.sensing.cameras.camera_kinds import RaySensor, body_names
+from skyarm.sensing.cameras.ray_casting import RayCaster
+from skyarm.simulate.draws import sensor_channel
+from skyarm.simulate.first_state import first_loop_state
+from skyarm.simulate.loop_state import LoopState, structure_of
+from skyarm.vehicle import BASE
+from skyarm.world.component import by_array
+from skyarm.world.contact.contact_scene import carrier_poses
+from skyarm.world.contact.material import Material
+from skyarm.world.contact.shape_pairs import PlacedShape
+from skyarm.world.contact.vehicle_bodies import (
+    Part,
+    part_of,
+    part_of_vehicle,
+)
+from skyarm.world.scene.vehicle_shapes import (
+    body_poses,
+    matrices,
+    place,
+    quaternions_of,
+    vectors,
+)
+
+if TYPE_CHECKING:
+    from skyarm.world.contact.contact_memory import ContactMemory
+
+AT_ONCE = 16
+"""Number of instants whose rays are met together."""
+
+CARRIED = ("object_position", "object_quaternion", "mechanism_position")
+"""Logged arrays with the poses of movable bodies."""
+
+
+@positional
+class _Instants:
+    """Poses at N instants: times (N,) s; position, quaternion and joints of each
+    vehicle, (N, 7 + n); arrays of ``CARRIED``.
+    """
+
+    times: Array
+    vehicles: Sequence[Array]
+    carried: Mapping[str, Array]
+
+
+@positional
+class _Camera:
+    """Sensor, its body, its rays, control periods between pictures, and channel of its
+    noise.
+    """
+
+    sensor: RaySensor
+    body: int
+    caster: RayCaster
+    every: int
+    channel: int
+
+
+@immutable(slots=False, eq=False)
+class Frame:
+    """Picture of a depth camera or lidar.
+
+    Attributes:
+        time: instant at which it was taken, s; it arrives the sensor's latency later.
+        sensor: name of the sensor.
+        names: names of the bodies, as of contact; the first is empty.
+        position, quaternion: true pose of the optical frame, (3,) m and (4,) w x y z,
+            world axes.
+        distance: (rows, columns) m, true depth; infinite where nothing is ahead.
+        number: (rows, columns) of the shape that is met, from 1 on.
+        rotations, eyes: (bodies, 3, 3) from optical axes to those of each body, and
+            (bodies, 3) m, the sensor's place in these.
+        keys: seed, episode, channel and number of the picture, of its noise.
+        camera: sensor and shapes.
+    """
+
+    time: float
+    sensor: str
+    names: tuple[str, ...]
+    position: Array
+    quaternion: Array
+    distance: Array
+    number: IntArray
+    rotations: Array
+    eyes: Array
+    keys: tuple[int, int, int, int]
+    camera: _Camera
+
+    @property
+    def directions(self) -> Array:
+        """Directions (rows, columns, 3) of the rays, optical axes, whose length is one
+        unit of depth.
+        """
+        return self.camera.caster.directions
+
+    @cached_property
+    def depth(self) -> Array:
+        """Measured depth (rows, columns), m: along the optical axis of a camera, along
+        the ray of a lidar.
+
+        Infinite where nothing is within range, -inf where something is nearer than it,
+        NaN where a reading is lost.
+        """
+        sensor, true = self.camera.sensor, self.distance
+        depth = true
+        if sensor.noise.any:
+            numbers = normal(*self.keys, true.size).reshape(true.shape)
+            met = np.where(np.isfinite(true), true, 0.0)
+            depth = true + sensor.noise.deviation(met) * numbers
+        if sensor.grazing:
+            across = np.abs((self.normal * self.directions).sum(axis=-1))
+            least = np.sin(sensor.grazing) * np.linalg.norm(self.directions, axis=-1)
+            depth = np.where(across < least, np.nan, depth)
+        depth = np.where(true > sensor.farthest, np.inf, depth)
+        return np.where(true < sensor.nearest, -np.inf, depth)
+
+    @cached_property
+    def segment(self) -> IntArray:
+        """Number (rows, columns) in ``names`` of the body that is seen; 0 for nothing
+        within range.
+        """
+        sensor, far = self.camera.sensor, self.distance
+        bodies = np.array([0, *(1 + each for each in self.camera.caster.owners)])
+        within = (far >= sensor.nearest) & (far <= sensor.farthest)
+        return np.where(within, bodies[self.number], 0)
+
+    @cached_property
+    def normal(self) -> Array:
+        """Outward unit normals (rows, columns, 3) of what is seen, optical axes; NaN
+        for nothing within range.
+        """
+        normals = np.full(self.directions.shape, np.nan)
+        caster = self.camera.caster
+        for i, (body, part) in enumerate(zip(caster.owners, caster.parts, strict=True)):
+            here = (self.number == i + 1) & (self.segment > 0)
+            if here.any():
+                R_BO = self.rotations[body]
+                way = self.directions[here] * self.distance[here][:, None]
+                places = Vec3(*(self.eyes[body] + way @ R_BO.T).T)
+                solid = PlacedShape(part.shape, part.rotation, part.position)
+                normals[here] = vectors(solid.skin(places, 0)[1], len(way)) @ R_BO
+        return normals
+
+    def points(self) -> Array:
+        """Points (rows, columns, 3) that are seen, m, optical axes; NaN for none."""
+        depth = np.where(np.isfinite(self.depth), self.depth, np.nan)
+        return self.directions * depth[..., None]
+
+
+class Eyes:
+    """All cameras and lidars of a scenario, and the shapes that they see.
+
+    Attributes:
+        names: names of the sensors, behind the vehicle's name and a dot if there are
+            several.
+        bodies: names of the bodies that may be seen; the first is empty, for nothing.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        shapes = list[tuple[str, Sequence[Part]]]()
+        for contact in scenario.worlds:
+            shapes += [(each.name, [part_of(each)]) for each in contact.surfaces]
+            for carrier in contact.carriers:
+                shapes.append((carrier.name, [*map(part_of, carrier.surfaces)]))
+        bases = dict[str, int]()
+        several = len(scenario.agents) > 1
+        for agent, vehicle in scenario.vehicles.items():
+            bases[agent] = len(shapes) - BASE
+            for link, name in enumerate(body_names(vehicle), BASE):
+                own = [each for each in vehicle.collisions if each.link == link]
+                parts = [part_of_vehicle(each, Material()) for each in own]
+                shapes.append((f"{agent}.{name}" if several else name, parts))
+        self.bodies = ("", *(name for name, _ in shapes))
+        every = [(i, part) for i, (_, parts) in enumerate(shapes) for part in parts]
+        self._cameras = dict[str, _Camera]()
+        for agent, record in scenario.agents.items():
+            for each in record.cameras:
+                sensor = cast("RaySensor", each.sensor)
+                body = bases[agent] + sensor.body_of(record.vehicle)
+                seen = [row for row in every if sensor.sees_own_link or row[0] != body]
+                name = f"{agent}.{each.name}" if several else each.name
+                self._cameras[name] = _Camera(
+                    sensor,
+                    body,
+                    RayCaster(
+                        sensor.directions(), [i for i, _ in seen], [p for _, p in seen]
+                    ),
+                    round(scenario.rates.control / sensor.frequency),
+                    sensor_channel(each.name, agent),
+                )
+        self.names = tuple(self._cameras)
+
+    def sensor(self, name: str) -> RaySensor:
+        """Camera or lidar by its name."""
+        return self._camera(name).sensor
+
+    def is_due(self, name: str, tick: int) -> bool:
+        """True if a sensor takes a picture in a control period."""
+        return tick % self._camera(name).every == 0
+
+    def _camera(self, name: str) -> _Camera:
+        if name not in self._cameras:
+            allowed = must_be_one_of(self.names, name)
+            raise ScenarioError(
+                f"sensors.{name}: {allowed if self.names else 'there is no camera'}"
+            )
+        return self._cameras[name]
+
+    def frame(self, name: str, now: LoopState, time: float, tick: int) -> Frame:
+        """Picture from a state of the loop, before a control period.
+
+        Args:
+            name: name of the sensor.
+            now: state of the loop.
+            time: s.
+            tick: number of the period, which numbers the picture's noise.
+        """
+        seen = self._present(now, np.array([time]))
+        return next(self._frames(name, seen, [tick], [self._scenario.episode]))
+
+    def frames(self, name: str, log: Log) -> Iterator[Frame]:
+        """Pictures of a flight from its log, one at a time, when the sensor is due."""
+        ticks = np.rint(log.time * self._scenario.rates.control).astype(int)
+        due = np.flatnonzero(ticks % self._camera(name).every == 0)
+        vehicles = [(a.position, a.quaternion, a.joints) for a in log.agents.values()]
+        carried = {each: log.component(each) for each in CARRIED}
+        # in pieces: memory does not grow with the flight
+        for rows in (due[i : i + AT_ONCE] for i in range(0, len(due), AT_ONCE)):
+            seen = _Instants(
+                log.time[rows],
+                [np.hstack([each[rows] for each in own]) for own in vehicles],
+                {each: array[rows] for each, array in carried.items()},
+            )
+            episodes = [self._scenario.episode] * len(rows)
+            yield from self._frames(name, seen, ticks[rows].tolist(), episodes)
+
+    def depths(
+        self,
+        name: str,
+        loop_leaves: Array,
+        time: ArrayLike,
+        tick: ArrayLike,
+        episodes: ArrayLike | None = None,
+    ) -> Array:
+        """Depths (lanes, rows, columns) of many flights at once.
+
+        Args:
+            name: name of the sensor.
+            loop_leaves: (leaves, lanes) of the loops' states.
+            time: s, one or (lanes,).
+            tick: number of the control period, one or (lanes,).
+            episodes: (lanes,) keys of the noise; the scenario's if left out.
+        """
+        count = loop_leaves.shape[1]
+        keys = self._scenario.episode if episodes is None else episodes
+        ticks, own = (
+            np.broadcast_to(each, count).astype(int).tolist() for each in (tick, keys)
+        )
+        now = rebuild(self._structure, iter(loop_leaves))
+        seen = self._present(now, np.broadcast_to(time, count))
+        return np.stack([each.depth for each in self._frames(name, seen, ticks, own)])
+
+    @cached_property
+    def _structure(self) -> LoopState:
+        return structure_of(first_loop_state(self._scenario))
+
+    def _present(self, now: LoopState, times: Array) -> _Instants:
+        """Poses in a state of the loop, whose numbers are floats or arrays."""
+        count = len(times)
+        vehicles = [
+            stack_values(count, (*s.position, *s.quaternion, *s.joints)).T
+            for s in (each.state for each in now.agents)
+        ]
+        carried = dict[str, Array]()
+        for contact in self._scenario.worlds:
+            # the contact model is the last of the shared ones
+            memory = cast("ContactMemory", now.components[-1])
+            pairs = zip(contact.carriers, memory.carried, strict=True)
+            numbers = [x for each, m in pairs for x in each.logged(each.advance(m))]
+            columns = cast("Any", contact.carriers)
+            for name, values in by_array(columns, numbers).items():
+                carried[name] = stack_values(count, values).T
+        return _Instants(times, vehicles, carried)
+
+    def _poses(self, seen: _Instants) -> tuple[Array, Array]:
+        """Rotations (N, bodies, 3, 3) to world axes and positions (N, bodies, 3) of all
+        bodies.
+        """
+        count = len(seen.times)
+        upright = np.tile(np.eye(3), (count, 1, 1))
+        poses = list[tuple[Array, Array]]()
+        for contact in self._scenario.worlds:
+            for each in contact.surfaces:
+                away = each.place(seen.times)[0] - each.position
+                poses.append((upright, vectors(away, count)))
+            poses += carrier_poses(
+                contact.objects, contact.mechanisms, seen.carried, count
+            ).values()
+        vehicles = self._scenario.vehicles.values()
+        for vehicle, own in zip(vehicles, seen.vehicles, strict=True):
+            parts = np.split(own, [3, 7], axis=1)
+            # of one instant ten times as fast
+            alone = count == 1 and place(vehicle, *(each[0] for each in parts)).poses
+            poses += (alone or body_poses(vehicle, *parts)).values()
+        rotations, positions = zip(*poses, strict=True)
+        return np.stack(rotations, 1), np.stack(positions, 1)
+
+    def _frames(
+        self,
+        name: str,
+        seen: _Instants,
+        ticks: Sequence[int],
+        episodes: Sequence[int],
+    ) -> Iterator[Frame]:
+        camera, seed = self._camera(name), self._scenario.seed
+        R_WB, p_WB = self._poses(seen)
+        R_WL, p_WL = R_WB[:, camera.body], p_WB[:, camera.body]
+        R_WO = R_WL @ matrices(camera.sensor.rotation, 1)
+        p_WO = p_WL + R_WL @ float_array(camera.sensor.position)
+        R_BW = R_WB.swapaxes(2, 3)
+        rotations = R_BW @ R_WO[:, None]
+        eyes = (R_BW @ (p_WO[:, None] - p_WB)[..., None])[..., 0]
+        distances, numbers = camera.caster.cast(rotations, eyes)
+        quaternions = quaternions_of(R_WO)
+        for i, (tick, episode) in enumerate(zip(ticks, episodes, strict=True)):
+            yield Frame(
+                time=float(seen.times[i]),
+                sensor=name,
+                names=self.bodies,
+                position=p_WO[i],
+                quaternion=quaternions[i],
+                distance=distances[i],
+                number=numbers[i],
+                rotations=rotations[i],
+                eyes=eyes[i],
+                keys=(seed, episode, camera.channel, tick // camera.every),
+                camera=camera,
+            )
