@@ -51,6 +51,7 @@ from skyarm.simulate.flight_recorder import FlightRecorder
 from skyarm.simulate.inputs import FlightInputs
 from skyarm.simulate.loop_state import LoopState, Sample, carry_over, structure_of
 from skyarm.simulate.period import PlantSteps, make_fleet_period, make_period, measure
+from skyarm.simulate.pictures import Pictures
 from skyarm.simulate.plant_steps import (
     CalledPlant,
     EpisodeEndedError,
@@ -232,7 +233,10 @@ class EpisodeCode(LoopProgram):
         """
         rows = period.stages.lead(now, period.row.given)
         measured = measure(period.stages, period.plant, now, rows, period.uniforms)
-        return now, tuple(half.read.measurement for half in measured.agents)
+        seen = zip(period.stages.agents, measured.agents, now.agents, strict=True)
+        return now, tuple(
+            each.with_images(half.read.measurement, own) for each, half, own in seen
+        )
 
     @cached_property
     def measurement(self) -> Loop:
@@ -344,6 +348,7 @@ class EngineState:
         begun, tick, ended, from_outside: as of :class:`Engine`.
         carry, parameters: loop state and parameters of the program. table: log so far.
         memories: internal states of laws that are called.
+        pictures: as of :class:`skyarm.simulate.pictures.Pictures`.
     """
 
     scenario: Scenario
@@ -357,6 +362,7 @@ class EngineState:
     parameters: Array
     table: Array
     memories: list[Any]
+    pictures: dict[tuple[str, int], list[float]]
 
 
 class Engine:
@@ -403,6 +409,7 @@ class Engine:
         self.tick = self.begun = 0
         self.ended: Ended | None = None
         self._stretch = 1
+        self._pictures = Pictures(self.scenario, self.first)
         self.commanded = False
         self.from_outside = math.inf
 
@@ -505,7 +512,11 @@ class Engine:
         if self.full:
             self._move_window()
         stop = min(
-            stop, self.tick + self._stretch, self._first + self.code.window, self._steps
+            stop,
+            self.tick + self._stretch,
+            self._first + self.code.window,
+            self._steps,
+            self._pictures.next(self.tick),
         )
         begun = perf_counter()
         before = self.tick
@@ -522,6 +533,7 @@ class Engine:
         """Simulate up to control period ``stop``; False once the flight is over."""
         carry = self._stepper.carry
         first = self._first
+        self._look()
         self._before[:] = carry
         self._stepper.fly(self.tick - first, stop - first, first)
         over = carry[ALIVE] < 0.5
@@ -539,6 +551,12 @@ class Engine:
             return False
         return True
 
+    def _look(self) -> None:
+        """Take the pictures of this instant that a law or an ending sees."""
+        self._pictures.look(
+            self.scenario, self.tick, self.code.carry, self._stepper.carry
+        )
+
     def _reason(self, *, lost: bool) -> Ended | None:
         """Status, cause and time of the flight's early termination; None after its full
         duration.
@@ -554,7 +572,7 @@ class Engine:
             )
             # the state first, as in the loop: a command that is not finite may follow
             # from it
-            ending = find_ending(one, time, leaves(own.state), [float(c) for c in goal])
+            ending = find_ending(one, time, own, [float(c) for c in goal])
             ending = ending or failed_phase(one, time, own.clock)
             if ending is not None:
                 return self._with_name(name, ending)
@@ -667,6 +685,7 @@ class Engine:
 
     def measurements(self) -> tuple[Measurement, ...]:
         """Measurement that each control law receives in the next period."""
+        self._look()
         stepper, output, example = self._peek
         stepper.carry[:] = self._stepper.carry
         stepper.parameters[:] = self._stepper.parameters
@@ -689,6 +708,7 @@ class Engine:
             # not copied, being large: what it has up to here is not written again
             table=self.recorder.table,
             memories=copy.deepcopy([each.memory for each in self.code.calls]),
+            pictures={**self._pictures.taken},
         )
 
     def restore(self, state: EngineState) -> None:
@@ -702,6 +722,7 @@ class Engine:
         self.from_outside = state.from_outside
         self._stepper.carry[:] = state.carry
         self._stepper.parameters[:] = state.parameters
+        self._pictures.taken = {**state.pictures}
         # of the snapshot's table the flight may have overwritten what follows: it goes
         # on in one of its own
         self.recorder.table = np.empty_like(state.table)
@@ -758,6 +779,7 @@ class Engine:
                 self.code.calls[i].memory = kept
             memories.append(_carried_memory(law, kept) if self.code.calls else kept)
         self._stepper.carry[:] = leaves(_with_memories(carried, memories))
+        self._pictures.taken = {**other._pictures.taken}
         self.begun = other.tick
         self.tick = other.tick
         self.ended = other.ended

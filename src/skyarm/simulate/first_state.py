@@ -27,6 +27,7 @@ from skyarm.simulate.loop_state import (
     SensorState,
     structure_of,
 )
+from skyarm.simulate.pictures import blank_images, sensors_seen
 from skyarm.simulate.reference_clock import Waits
 from skyarm.simulate.stages import Stages
 
@@ -110,6 +111,7 @@ def _first_agent(scenario: Scenario, state: State) -> AgentLoop:
             for drive, q, u in zip(drives, state.joints, standing.efforts, strict=False)
         ),
         clock=Waits(scenario).first(),
+        images=blank_images(scenario, sensors_seen(scenario)),
     )
 
 

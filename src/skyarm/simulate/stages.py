@@ -62,6 +62,7 @@ from skyarm.simulate.loop_state import (
     LoopState,
     SensorState,
 )
+from skyarm.simulate.pictures import images_of
 from skyarm.simulate.reference_clock import Waits, due
 from skyarm.vehicle import BASE, Body, Frame, Vehicle
 from skyarm.world import Component, Wrench, effectiveness_at
@@ -153,7 +154,7 @@ class Stages:
         fine: Scalar = now.alive > 0.5
         for each, loop, row in zip(self.agents, now.agents, rows, strict=True):
             fine = logical_and(
-                fine, healthy(each.scenario, loop.state, row.reference.position)
+                fine, healthy(each.scenario, loop, row.reference.position)
             )
             sound = each.waits.is_sound(loop.clock)
             # without guards the clock is sound for certain: no operation is added
@@ -553,6 +554,11 @@ class AgentStages:
         # several grippers may stand at one tip: it holds once any of them does
         holds = (functools.reduce(maximum, reports),) if reports else ()
         return replace(read, measurement=replace(read.measurement, holds=holds))
+
+    def with_images(self, measurement: Measurement, own: AgentLoop) -> Measurement:
+        """Measurement with the newest pictures that the law sees; the log has none."""
+        images = images_of(self.scenario.agent.controller.sees, self.scenario, own)
+        return replace(measurement, images=images) if images else measurement
 
     def decide(
         self,
