@@ -68,6 +68,7 @@ def make_task(
     observation: Iterable[Observed | str] = USUAL,
     reward: Iterable[RewardTerm | str] = USUAL_REWARD,
     randomise: Mapping[str, Entry] | None = None,
+    derived: Mapping[str, str] | None = None,
     controller: str | None = None,
     duration: float | None = None,
     precision: str = "single",
@@ -82,6 +83,8 @@ def make_task(
         reward: records, or names of :data:`skyarm.envs.reward_terms.REWARDS`.
         randomise: path -> distribution, as ``[vary]`` of a study:
             ``{"plant.payload.mass": {"uniform": [0.0, 0.1]}}``.
+        derived: path -> expression of what is drawn, as ``[derived]`` of a study, for
+            numbers that change together.
         controller: law in place of the scenario file's.
         duration: duration in place of the scenario file's, s.
         precision: precision of all numbers, one of ``PRECISIONS``.
@@ -114,7 +117,7 @@ def make_task(
         actions=kind,
         observation=seen,
         reward=rewarded,
-        randomised=read_randomised(flown, randomise),
+        randomised=read_randomised(flown, randomise, derived),
         precision=precision,
     )
 
