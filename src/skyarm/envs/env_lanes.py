@@ -17,6 +17,7 @@ from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.dynamics import State
 from skyarm.envs.env_program import EnvProgram
 from skyarm.envs.env_task import LearningTask
+from skyarm.envs.lane_pictures import LanePictures
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.files import shown
 from skyarm.records.leaves import rebuild
@@ -141,6 +142,7 @@ class EnvLanes:
             has flown its duration.
         ending: (lanes,) view, 0 or the number of the ending that came; :attr:`statuses`
             has their words.
+        pictures: pictures that are observed beside the numbers.
         state: the plant's state, a record of (lanes,) views: the truth, which no
             observation holds.
         actions: (numbers, lanes) view on the actions of the next step. episodes:
@@ -172,6 +174,9 @@ class EnvLanes:
         now: Any = rebuild(self.program.first, iter(list(self._carry)))
         self.loop = now.loop
         self.state: State = now.loop.agent.state
+        self.pictures = LanePictures(
+            task.scenario, task.observation, lanes, self.dtype
+        )
         self.episodes: Array = np.zeros(lanes, dtype=np.int64)
         self.seeds: Array = np.zeros(lanes, dtype=np.uint64)
         self.ended = np.zeros(lanes, dtype=bool)
@@ -207,6 +212,7 @@ class EnvLanes:
         # the first step measures what the second period begins with
         self._stepper.begin(lanes, episodes, self.seeds[lanes], first=1)
         self._stepper.fill()
+        self.pictures.look(self.loop, lanes)
 
     def act(self, actions: Array) -> None:
         """Set the actions of all parallel episodes for the next step, an array (lanes,
@@ -234,6 +240,7 @@ class EnvLanes:
         episode has ended.
         """
         self._stepper.step()
+        self.pictures.look(self.loop, self._every)
         np.greater(self.ending, 0.5, out=self.ended)
         np.greater(self._truncated, 0.5, out=self.truncated)
         return bool(self.ended.any() or self.truncated.any())

@@ -22,7 +22,8 @@ from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.examine import require_shapes
-from skyarm.simulate.lane_numbers import require_rigid_body
+from skyarm.simulate.eyes import Eyes
+from skyarm.simulate.lane_numbers import require_no_pictures, require_rigid_body
 
 Info = dict[str, Any]
 """Information of a reset or a step next to its numbers, as in Gymnasium."""
@@ -110,6 +111,7 @@ def make_task(
     else:
         # a law that is not asked ends no episode where it is not defined
         flown = flown.with_controller(replace(flown.agent.controller, margin=None))
+    _require_sensors(flown, seen)
     require_shapes(flown)
     rewarded = _several("reward", reward, REWARDS, RewardTerm, "term")
     return LearningTask(
@@ -120,6 +122,21 @@ def make_task(
         randomised=read_randomised(flown, randomise, derived),
         precision=precision,
     )
+
+
+def _require_sensors(flown: Scenario, seen: Sequence[Observed]) -> None:
+    """Refuse pictures of sensors that are not there, or named as the vector of numbers,
+    and endings that see.
+    """
+    sights = [each.sees for each in seen if each.sees]
+    cameras = Eyes(flown).names if sights else ()
+    for i, name in enumerate(sights):
+        if name not in cameras or name in ("state", *sights[:i]):
+            raise ScenarioError(
+                f"observation: sensor = {name!r}: {must_be_one_of(cameras, name)}, each"
+                " once, and not 'state'"
+            )
+    require_no_pictures(flown, "an environment")
 
 
 def _scenario(

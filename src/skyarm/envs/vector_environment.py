@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from gymnasium.spaces import Box
+from gymnasium.spaces import Box, Dict
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
@@ -78,11 +78,11 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         return self.lanes.task.scenario
 
     @property
-    def observations(self) -> Array:
+    def observations(self) -> Any:
         """Current observations (num_envs, length), as a view that every step
-        overwrites.
+        overwrites; with pictures a table of views.
         """
-        return self._view
+        return self.lanes.pictures.observation(self._view, self.lanes.pictures.images)
 
     def reset(
         self,
@@ -179,8 +179,14 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         if hasattr(self, "lanes"):
             self.lanes.close()
 
-    def _observe(self) -> Array:
-        return self._view.copy(order="C") if self._copy else self._view
+    def _observe(self) -> Any:
+        pictures = self.lanes.pictures
+        if not self._copy:
+            return pictures.observation(self._view, pictures.images)
+        return pictures.observation(
+            self._view.copy(order="C"),
+            {name: each.copy() for name, each in pictures.images.items()},
+        )
 
     def _infos(self, ended: Array) -> Info:
         """Gymnasium infos with status and cause of early terminations."""
@@ -197,9 +203,13 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         mask = np.zeros(self.num_envs, dtype=bool)
         mask[self._over] = True
         final = np.empty(self.num_envs, dtype=object)
+        pictures = self.lanes.pictures
         for lane in self._over.tolist():
             # the view is written anew when the next episode begins
-            final[lane] = self._view[lane].copy()
+            final[lane] = pictures.observation(
+                self._view[lane].copy(),
+                {name: each[lane].copy() for name, each in pictures.images.items()},
+            )
         return {
             "final_obs": final,
             "_final_obs": mask,
@@ -208,10 +218,18 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         }
 
 
-def spaces(lanes: EnvLanes) -> tuple[Box, Box]:
-    """Observation and action space of one episode."""
+def spaces(lanes: EnvLanes) -> tuple[Any, Box]:
+    """Observation and action space of one episode; with pictures a Dict of ``state``
+    and each sensor.
+    """
     seen, size = len(lanes.observation), len(lanes.actions)
-    observed = Box(-LARGEST, LARGEST, (seen,), lanes.dtype)
+    observed: Any = Box(-LARGEST, LARGEST, (seen,), lanes.dtype)
+    images = {
+        name: Box(0.0, 1.0, each.shape[1:], lanes.dtype)
+        for name, each in lanes.pictures.images.items()
+    }
+    if images:
+        observed = Dict({**({"state": observed} if seen else {}), **images})
     return observed, Box(-1.0, 1.0, (size,), lanes.dtype)
 
 

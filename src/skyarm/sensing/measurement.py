@@ -32,6 +32,7 @@ class Image:
     ]
     rows: Annotated[int, Unit("", "number of rows")]
     columns: Annotated[int, Unit("", "number of columns")]
+    sensor: Annotated[str, Unit("", "name of the sensor")]
 
 
 @immutable

@@ -8,7 +8,9 @@ of its state, which no control period changes.
 from __future__ import annotations
 
 import sys
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from skyarm.records.arrays import Array
 from skyarm.records.leaves import leaves, rebuild
@@ -44,16 +46,17 @@ def images_of(
 
 def blank_images(scenario: Scenario, names: tuple[str, ...]) -> tuple[Image, ...]:
     """Pictures of named sensors before they have taken one: 1 m everywhere."""
-    sensors = dict(scenario.agent.all_sensors)
+    sensors = {each.name: each.sensor for each in scenario.agent.cameras}
     images = []
     for name in names:
-        rows, columns = sensors[name].directions().shape[:2]
+        rows, columns = sensors[name].shape
         images.append(
             Image(
                 time=NONE_YET,
                 depth=(1.0,) * (rows * columns),
                 rows=rows,
                 columns=columns,
+                sensor=name,
             )
         )
     return tuple(images)
@@ -70,16 +73,20 @@ class Shutter(NamedTuple):
     @staticmethod
     def of(scenario: Scenario, name: str) -> Shutter:
         """Clock of a sensor of the only vehicle."""
-        sensor = dict(scenario.agent.all_sensors)[name]
+        (sensor,) = (e.sensor for e in scenario.agent.cameras if e.name == name)
         rate = scenario.rates.control
-        every = round(rate / sensor.frequency) if sensor.frequency else 1
-        return Shutter(every, round(sensor.latency * rate))
+        return Shutter(round(rate / sensor.frequency), round(sensor.latency * rate))
 
-    def newest(self, tick: int) -> int:
+    @property
+    def on_their_way(self) -> int:
+        """Largest number of pictures that are taken and have not arrived."""
+        return -(-self.late // self.every)
+
+    def newest(self, tick: Any) -> Any:
         """Number of the newest picture that has arrived; the first one is there at
         once.
         """
-        return max(0, (tick - self.late) // self.every)
+        return np.maximum(0, (tick - self.late) // self.every)
 
     def next(self, tick: int) -> int:
         """First control period after ``tick`` in which a picture is taken or
