@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, field, fields
 from importlib import import_module
 from pathlib import Path
@@ -39,6 +39,9 @@ requested."""
 
 SHORTFALL = "skyarm.log.metrics.shortfall"
 """Module of the shortfall, imported likewise."""
+
+EYES = "skyarm.simulate.eyes"
+"""Module of the pictures of cameras, imported likewise."""
 
 FORMATS = "log_format"
 """Registry kind of file formats, which read and write whole logs."""
@@ -292,6 +295,22 @@ class Log:
         ``lines`` are sentences on both.
         """
         return import_module(SHORTFALL).shortfall(self)
+
+    def frames(self, sensor: str) -> Iterator[Any]:
+        """Pictures of a camera or lidar, one at a time, computed from the logged poses.
+
+        Args:
+            sensor: name of the sensor, as ``wrist``, or ``left.wrist`` of several
+                vehicles.
+
+        Yields:
+            :class:`skyarm.simulate.eyes.Frame`.
+
+        Raises:
+            ValueError: one line: no such sensor, or as :attr:`scenario`.
+        """
+        frames: Iterator[Any] = import_module(EYES).frames_of(self, sensor)
+        return frames
 
     @property
     def status(self) -> str:

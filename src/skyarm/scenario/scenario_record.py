@@ -701,11 +701,16 @@ class Agent:
 
     @property
     def all_sensors(self) -> tuple[tuple[str, Sensor], ...]:
-        """All sensors by name: the full-state sensor first, then the named sensors."""
-        return (
-            (FULL_STATE, self.noise),
-            *((each.name, each.sensor) for each in self.sensors),
-        )
+        """Sensors of a control period by name: the full-state sensor first, then named
+        sensors.
+        """
+        named = ((each.name, each.sensor) for each in self.sensors)
+        return ((FULL_STATE, self.noise), *(each for each in named if not each[1].sees))
+
+    @property
+    def cameras(self) -> tuple[NamedSensor, ...]:
+        """Cameras and lidars, which are no part of a control period."""
+        return tuple(each for each in self.sensors if each.sensor.sees)
 
     @property
     def modelled_payloads(self) -> tuple[TimedPayload, ...]:

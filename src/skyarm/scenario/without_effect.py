@@ -262,17 +262,16 @@ def readings_at(scenario: Scenario, state: State, t: Scalar) -> dict[str, object
     """
     vehicle, period = scenario.agent.vehicle, scenario.rates.period
     readings: dict[str, object] = {FULL_STATE: measurement_of(state, WEIGHT)}
-    for named in scenario.agent.sensors:
-        sensor = named.sensor
+    for name, sensor in scenario.agent.all_sensors[1:]:
         middle = (0.5,) * sensor.uniforms(vehicle)
-        readings[named.name] = sensor.take(
+        readings[name] = sensor.take(
             sensor.start(vehicle), t, state, WEIGHT, NO_PUSH, middle, period
         )[1]
     return readings
 
 
 def _unread_readings(scenario: Scenario) -> Iterator[str]:
-    sensors = tuple((each.name, each.sensor) for each in scenario.agent.sensors)
+    sensors = scenario.agent.all_sensors[1:]
     given = sensors or scenario.agent.has_estimator
     if not given or autopilot_of(scenario.agent.controller) is not None:
         return

@@ -87,6 +87,10 @@ class Sensor:
         """
         return ZERO3
 
+    sees: ClassVar[bool] = False
+    """True for a camera or lidar: its pictures follow from the poses of all bodies, and
+    are no part of a control period."""
+
     senses: ClassVar[str] = ""
     """``"wrench"``, if the reading is a :class:`ForceReading`, or ``"switch"``, if it
     is a :class:`SwitchReading`."""

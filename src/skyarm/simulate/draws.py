@@ -97,15 +97,14 @@ def draw_plan(scenario: Scenario) -> Draws:
     """
     sensors, components = [], []
     for name, agent in scenario.agents.items():
-        of = "" if name == SOLE else f" of {name}"
+        of = _of(name)
         vehicle = agent.vehicle
         full, *named = agent.all_sensors
         # an only vehicle has the built-in channels, so that its flights keep their bits
         first = _channel("sensor", of) if of else CHANNEL_SENSORS
         rows = [(first, full[1].uniforms(vehicle))]
         rows += [
-            (_channel("sensor", each + of), one.uniforms(vehicle))
-            for each, one in named
+            (sensor_channel(each, name), one.uniforms(vehicle)) for each, one in named
         ]
         sensors.append(tuple(rows))
         wind, *added = scenario.own_components(agent)
@@ -154,6 +153,16 @@ def start_draws(scenario: Scenario, seed: int, episode: ArrayLike) -> list[Array
         )
         draws.append(numbers.reshape(*keys.shape[:-1], 2 * count))
     return draws
+
+
+def _of(agent: str) -> str:
+    """Last words of the key of what a vehicle has, by its name."""
+    return "" if agent == SOLE else f" of {agent}"
+
+
+def sensor_channel(name: str, agent: str) -> int:
+    """Index of the random-number stream of a vehicle's named sensor."""
+    return _channel("sensor", name + _of(agent))
 
 
 def _channel(kind: str, name: str) -> int:

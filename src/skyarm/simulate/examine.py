@@ -715,7 +715,7 @@ def _parts_of_agent(
         *components,
         *faults,
         *((f"plant.drives.{each.joint}", each.drive) for each in agent.joint_drives),
-        *((f"sensors.{named.name}", named.sensor) for named in agent.sensors),
+        *((f"sensors.{name}", each) for name, each in agent.all_sensors[1:]),
         ("estimator", agent.estimator),
         *(
             (f"endings[{i}]", each)

@@ -4,6 +4,8 @@ period flown last.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from skyarm.dynamics import State
 from skyarm.log.team_log import WITHIN
 from skyarm.plant.loads import wind_at
@@ -17,6 +19,9 @@ from skyarm.simulate.engine import Engine
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.stages import Stages
 from skyarm.world import WindSample
+
+if TYPE_CHECKING:
+    from skyarm.simulate.eyes import Eyes, Frame
 
 
 class FlightInstant:
@@ -83,6 +88,31 @@ class FlightInstant:
         self._require_one("reference")
         self._require_running()
         return self._engine.reference()
+
+    def frame(self, sensor: str) -> Frame:
+        """What a camera or lidar sees now.
+
+        Args:
+            sensor: name of the sensor, as ``wrist``, or ``left.wrist`` of several
+                vehicles.
+
+        Raises:
+            ScenarioError: no such sensor.
+        """
+        return self._eyes.frame(sensor, self.now, self.time, self.tick)
+
+    @property
+    def _eyes(self) -> Eyes:
+        """Cameras and lidars of the scenario in force."""
+        # most flights have none: neither module nor shapes are loaded for these
+        from skyarm.simulate.eyes import Eyes
+
+        scenario = self._engine.scenario
+        before, eyes = self.__dict__.get("_seeing", (None, None))
+        if before is not scenario:
+            eyes = Eyes(scenario)
+            self.__dict__["_seeing"] = scenario, eyes
+        return eyes
 
     @property
     def latest(self) -> Piece:

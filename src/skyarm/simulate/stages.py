@@ -413,7 +413,7 @@ class AgentStages:
             if type(sigma) is not float or sigma > 0.0
         ]
         full = [FULL_STATE] if own.has_estimator and noisy else []
-        self.logged = (*full, *(each.name for each in own.sensors))
+        self.logged = (*full, *(name for name, _ in self.sensors[1:]))
         # named sensors are measured each so many control periods
         self._every = tuple(
             round(scenario.rates.control / s.frequency) if s.frequency else 1

@@ -7,7 +7,7 @@ the ground where it is level and at rest.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -65,7 +65,7 @@ def contact_scene(
     flight.
     """
     carriers: tuple[AnyCarrier, ...] = (*objects, *mechanisms)
-    poses = _carrier_poses(objects, mechanisms, seen)
+    poses = carrier_poses(objects, mechanisms, seen.numbers, len(seen.times))
     ground = ground_of(surfaces)
     solids = [_surface_solid(each, seen) for each in surfaces if each is not ground]
     carried = [
@@ -120,22 +120,30 @@ def surface_shape(surface: Surface, patch: float = PATCH) -> Shape:
     return replace(solid_shape(surface, name, "surface", BASE), mesh=surface.mesh)
 
 
-def _carrier_poses(
-    objects: Sequence[FreeObject], mechanisms: Sequence[Mechanism], seen: Instants
+def carrier_poses(
+    objects: Sequence[FreeObject],
+    mechanisms: Sequence[Mechanism],
+    numbers: Mapping[str, Array],
+    count: int,
 ) -> Poses:
     """Rotations (N, 3, 3) and positions (N, 3) of free objects and mechanisms at N
     instants, by index.
+
+    Args:
+        objects: free objects.
+        mechanisms: they follow.
+        numbers: logged arrays with N rows.
+        count: N.
     """
     poses = Poses()
-    count = len(seen.times)
     for i in range(len(objects)):
-        quaternion = seen.numbers["object_quaternion"][:, 4 * i : 4 * i + 4]
+        quaternion = numbers["object_quaternion"][:, 4 * i : 4 * i + 4]
         poses[i] = (
             rotations_of(quaternion),
-            seen.numbers["object_position"][:, 3 * i : 3 * i + 3],
+            numbers["object_position"][:, 3 * i : 3 * i + 3],
         )
     for i, mechanism in enumerate(mechanisms):
-        frame = mechanism.frame_at(seen.numbers["mechanism_position"][:, i])
+        frame = mechanism.frame_at(numbers["mechanism_position"][:, i])
         poses[len(objects) + i] = (
             matrices(frame.rotation, count),
             vectors(frame.position, count),

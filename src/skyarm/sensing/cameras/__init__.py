@@ -1,0 +1,1 @@
+"""Depth cameras and lidars, which see the shapes of contact by rays."""
