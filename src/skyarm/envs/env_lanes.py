@@ -212,7 +212,14 @@ class EnvLanes:
         # the first step measures what the second period begins with
         self._stepper.begin(lanes, episodes, self.seeds[lanes], first=1)
         self._stepper.fill()
-        self.pictures.look(self.loop, lanes)
+        self._look(lanes)
+
+    def _look(self, lanes: Array) -> None:
+        """Take the pictures of this instant in some lanes."""
+        if self.pictures.images:
+            self.pictures.look(
+                self.loop, lanes, self.seeds, self.episodes, self.numbers()
+            )
 
     def act(self, actions: Array) -> None:
         """Set the actions of all parallel episodes for the next step, an array (lanes,
@@ -240,7 +247,7 @@ class EnvLanes:
         episode has ended.
         """
         self._stepper.step()
-        self.pictures.look(self.loop, self._every)
+        self._look(self._every)
         np.greater(self.ending, 0.5, out=self.ended)
         np.greater(self._truncated, 0.5, out=self.truncated)
         return bool(self.ended.any() or self.truncated.any())

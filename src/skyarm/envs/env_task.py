@@ -22,7 +22,6 @@ from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.examine import require_shapes
-from skyarm.simulate.eyes import Eyes
 from skyarm.simulate.lane_numbers import require_no_pictures, require_rigid_body
 
 Info = dict[str, Any]
@@ -129,7 +128,7 @@ def _require_sensors(flown: Scenario, seen: Sequence[Observed]) -> None:
     and endings that see.
     """
     sights = [each.sees for each in seen if each.sees]
-    cameras = Eyes(flown).names if sights else ()
+    cameras = [each.name for each in flown.agent.cameras]
     for i, name in enumerate(sights):
         if name not in cameras or name in ("state", *sights[:i]):
             raise ScenarioError(

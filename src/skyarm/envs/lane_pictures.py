@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from skyarm.envs.observed_quantities import Observed
 from skyarm.records.arrays import AnyArray as Array
-from skyarm.records.leaves import leaves
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.eyes import Eyes
 from skyarm.simulate.loop_state import LoopState
@@ -53,25 +53,42 @@ class LanePictures:
         }
         self._eyes = Eyes(scenario) if self._seen else None
 
-    def look(self, loop: LoopState, lanes: Array) -> None:
+    def look(
+        self,
+        loop: LoopState,
+        lanes: Array,
+        seeds: Array,
+        episodes: Array,
+        numbers: Mapping[str, Array],
+    ) -> None:
         """Take the pictures of this instant in some lanes, and show those that have
         arrived.
 
         Args:
             loop: state of the loop, its scalars (lanes,) of all.
             lanes: (m,) numbers of the lanes.
+            seeds, episodes, numbers: of all lanes.
         """
         ticks = np.asarray(loop.ticks)[lanes].astype(int)
         for name, shutter in self._shutters.items():
             taken = self._taken[name]
             due = ticks % shutter.every == 0
             if due.any() and self._eyes is not None:
-                now = np.array([leaf[lanes[due]] for leaf in leaves(loop)], dtype=float)
-                depths = self._eyes.depths(
-                    name, now, ticks[due] / self._rate, ticks[due]
+                some = lanes[due]
+                own = [leaf[some].astype(float) for leaf in leaves(loop)]
+                depths = self._eyes.lane_depths(
+                    name,
+                    rebuild(loop, iter(own)),
+                    ticks[due] / self._rate,
+                    ticks[due],
+                    episodes[some],
+                    seeds=seeds[some],
+                    numbers={
+                        path: each[some].astype(float) for path, each in numbers.items()
+                    },
                 )
                 place = ticks[due] // shutter.every % len(taken)
-                taken[place, lanes[due], ..., 0] = self._seen[name].share(depths)
+                taken[place, some, ..., 0] = self._seen[name].share(depths)
             newest = shutter.newest(ticks)
             self.images[name][lanes] = taken[newest % len(taken), lanes]
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +21,7 @@ from skyarm.records.arrays import Array, IntArray, doubles, stack_values
 from skyarm.records.files import must_be_one_of
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import rebuild
+from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensing.cameras.camera_kinds import RaySensor
 from skyarm.sensing.cameras.ray_casting import RayCaster
@@ -273,21 +275,48 @@ class Eyes:
             tick: number of the control period, one or (lanes,).
             episodes: (lanes,) keys of the noise; the scenario's if left out.
         """
-        camera = self._of(name)
         lanes = loop_leaves.shape[1]
         now = rebuild(self._structure, iter(loop_leaves))
         times, ticks = np.broadcast_to(time, lanes), np.broadcast_to(tick, lanes)
         keys = self._scenario.episode if episodes is None else episodes
-        episode = np.broadcast_to(keys, lanes)
+        return self.lane_depths(name, now, times, ticks, np.broadcast_to(keys, lanes))
+
+    def lane_depths(
+        self,
+        name: str,
+        now: LoopState,
+        times: Array,
+        ticks: IntArray,
+        episodes: IntArray,
+        *,
+        seeds: IntArray | None = None,
+        numbers: Mapping[str, Array] = MappingProxyType({}),
+    ) -> Array:
+        """Depths (lanes, rows, columns) of many flights, each with numbers and keys of
+        its own.
+
+        Args:
+            name: name of the sensor.
+            now: state of the loop, its scalars (lanes,).
+            times: (lanes,) s. ticks: (lanes,) numbers of the control periods.
+            episodes, seeds: (lanes,) keys of the noise; the scenario's seed if left
+                out.
+            numbers: path -> (lanes,) numbers of the scenario that differ.
+        """
+        camera = self._of(name)
+        lanes = len(times)
         depths = np.empty((lanes, *camera.sensor.shape))
+        keys = np.broadcast_to(self._scenario.seed if seeds is None else seeds, lanes)
+        world = with_numbers(self._scenario, numbers).world
+        surfaces = () if world is None else world.surfaces
         seen = self._instants(now, times)
-        poses = self._poses(seen)
+        poses = self._poses(seen, surfaces)
         for begin in range(0, lanes, AT_ONCE):
             some = slice(begin, begin + AT_ONCE)
             sights = self._look(camera, poses[0][some], poses[1][some])
-            rows = zip(sights, ticks[some], episode[some], strict=True)
-            for i, (sight, at, key) in enumerate(rows, begin):
-                depths[i] = self._measured(camera, sight, int(at), int(key))
+            rows = zip(sights, ticks[some], keys[some], episodes[some], strict=True)
+            for i, (sight, at, *key) in enumerate(rows, begin):
+                depths[i] = self._measured(camera, sight, int(at), *map(int, key))
         return depths
 
     @cached_property
@@ -320,14 +349,16 @@ class Eyes:
             }
         return _Instants(times, vehicles, carried)
 
-    def _poses(self, seen: _Instants) -> tuple[Array, Array]:
+    def _poses(
+        self, seen: _Instants, surfaces: Sequence[Surface]
+    ) -> tuple[Array, Array]:
         """Rotations (N, bodies, 3, 3) to world axes and positions (N, bodies, 3) of all
         bodies.
         """
         count = len(seen.times)
         rows = [
             (matrices(each.rotation, count), vectors(each.place(seen.times)[0], count))
-            for each in self._surfaces
+            for each in surfaces
         ]
         if self._world is not None:
             objects, mechanisms = self._world.objects, self._world.mechanisms
@@ -375,14 +406,14 @@ class Eyes:
         return R_WB @ camera.rotation, positions[:, camera.body] + away[..., 0]
 
     def _measured(
-        self, camera: _Camera, sight: _Sight, tick: int, episode: int
+        self, camera: _Camera, sight: _Sight, tick: int, seed: int, episode: int
     ) -> Array:
         """Depth (rows, columns) with range and errors."""
         sensor, depth = camera.sensor, sight.depth
         read = depth
         if sensor.noise.any:
             numbers = normal(
-                self._scenario.seed,
+                seed,
                 episode,
                 camera.channel,
                 tick // camera.every,
@@ -401,7 +432,8 @@ class Eyes:
 
     def _frames(self, name: str, seen: _Instants, ticks: IntArray) -> Iterator[Frame]:
         camera = self._of(name)
-        poses = self._poses(seen)
+        scenario = self._scenario
+        poses = self._poses(seen, self._surfaces)
         for i, tick in enumerate(ticks.tolist()):
             R, p = (each[i : i + 1] for each in poses)
             R_WC, p_WC = self._mounted(camera, R, p)
@@ -414,7 +446,9 @@ class Eyes:
             yield Frame(
                 time=float(seen.times[i]),
                 sensor=name,
-                depth=self._measured(camera, sight, tick, self._scenario.episode),
+                depth=self._measured(
+                    camera, sight, tick, scenario.seed, scenario.episode
+                ),
                 segment=segment,
                 position=p_WC[0],
                 quaternion=quaternions_of(R_WC)[0],

@@ -16,7 +16,6 @@ from skyarm.records.arrays import Array
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Image
-from skyarm.simulate.eyes import Eyes
 from skyarm.simulate.loop_state import AgentLoop, LoopState
 
 NEVER = sys.maxsize
@@ -139,6 +138,9 @@ class Pictures:
         """
         if not self._cameras:
             return
+        # most flights see nothing, so the module is loaded by those that do
+        from skyarm.simulate.eyes import Eyes
+
         if scenario is not self._scenario:
             self._scenario, self._eyes = scenario, Eyes(scenario)
         time = tick / scenario.rates.control
