@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache, partial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from skyarm.algebra import Mat3, Scalars
 from skyarm.control.controller import (
@@ -25,6 +25,7 @@ from skyarm.control.controller import (
 from skyarm.control.law_checks import check_controller
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import State
+from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.actuators import Mixer, make_mixer
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.dynamics.actuators.rotor import require_speeds
@@ -40,11 +41,19 @@ from skyarm.records.words import Slot, slots
 from skyarm.reference.trajectory import Trajectory
 from skyarm.scenario.endings import BodyCollision, BodyContact, RotorContact
 from skyarm.scenario.paths import errors_of_agent, is_below
-from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
+from skyarm.scenario.scenario_record import (
+    NamedSensor,
+    Scenario,
+    ScenarioError,
+    first_state,
+)
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle import Vehicle
 from skyarm.vehicle.vehicle_records import require_plant
 from skyarm.world import Component
+
+if TYPE_CHECKING:
+    from skyarm.world.contact.contact import Contact
 
 LONGEST_FLIGHT = 10_000_000
 """Largest number of control periods of one episode, 14 h at 200 Hz; its log takes about
@@ -752,7 +761,7 @@ def _numbers_of_start(scenario: Scenario) -> object:
     if not scenario.worlds:
         return ()
     agents = [
-        (name, each.plant, each.reference, each.initial)
+        (name, each.plant, each.reference, each.initial, each.cameras)
         for name, each in scenario.agents.items()
     ]
     return scenario.environment.world, scenario.solver.contact, scenario.closure, agents
@@ -779,6 +788,27 @@ def begin(scenario: Scenario) -> None:
             from skyarm.world.contact.initial_world import require_bodies_apart
 
             require_bodies_apart(contact, motion)
+        for name, each in scenario.agents.items():
+            for camera in each.cameras:
+                _require_clear_view(contact, motion.of(name), camera)
+
+
+def _require_clear_view(
+    contact: Contact, motion: PointMotion, camera: NamedSensor
+) -> None:
+    """Raise an error if a camera starts inside a body that it may see."""
+    from skyarm.world.contact.initial_world import body_around
+
+    sensor = camera.sensor
+    body = sensor.body_of(motion.vehicle)
+    own = None if sensor.sees_own_link else (motion.name, body)
+    inside = body_around(contact, motion, motion.position(sensor.position, body), own)
+    if inside:
+        place = shown([float(each) for each in sensor.position])
+        raise ValueError(
+            f"sensors.{camera.name}.position = {place}: starts inside {inside!r}, must"
+            " start outside"
+        )
 
 
 def _require_start_outside(scenario: Scenario, name: str, state: State) -> None:

@@ -190,8 +190,8 @@ class DepthCamera(RaySensor):
 
     sizes: ClassVar[str] = "height, width"
 
-    width: Annotated[int, Unit("", "number of columns", low=1)] = 64
-    height: Annotated[int, Unit("", "number of rows", low=1)] = 48
+    width: Annotated[int, Unit("", "number of columns", low=1, fixed=True)] = 64
+    height: Annotated[int, Unit("", "number of rows", low=1, fixed=True)] = 48
     field_of_view: Annotated[
         Scalar,
         positive(
@@ -242,8 +242,8 @@ class Lidar(RaySensor):
     farthest: Annotated[
         Scalar, positive("m", "largest range; what is farther reads inf", fixed=True)
     ] = 30.0
-    rows: Annotated[int, Unit("", "number of rows", low=1)] = 16
-    columns: Annotated[int, Unit("", "number of columns", low=1)] = 360
+    rows: Annotated[int, Unit("", "number of rows", low=1, fixed=True)] = 16
+    columns: Annotated[int, Unit("", "number of columns", low=1, fixed=True)] = 360
     elevation: Annotated[
         Range,
         Unit(

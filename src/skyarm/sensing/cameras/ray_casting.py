@@ -8,7 +8,7 @@ machine code NumPy computes the same numbers.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -31,6 +31,10 @@ _ROW = Placed(Mat3(_ZERO, _ZERO, _ZERO), _ZERO, (0.0,) * SIZES, 0.0)
 _FACE = Face(_ZERO, 0.0, 0.0, 0.0)
 
 HULL = "hull"
+
+GROUP = 16
+"""Number of neighbouring rays that are computed together: with fewer, choosing takes
+longer than the rays that it saves."""
 
 CLOSE = 1e-9
 """Margin (rad) by which a ball counts as within a cone."""
@@ -55,18 +59,23 @@ class RayCaster:
 
     def __init__(self, directions: Array, shapes: Sequence[Surface]) -> None:
         self._count = len(directions)
-        self._width = host_width()
-        blocks = -(-self._count // self._width)
-        padded = np.empty((blocks * self._width, 3))
+        width = host_width()
+        self._group = max(1, GROUP // width)
+        groups = -(-self._count // (self._group * width))
+        padded = np.empty((groups * self._group * width, 3))
         padded[: self._count] = directions
         padded[self._count :] = directions[-1]
         self._rays = np.ascontiguousarray(padded.T)
         units = padded / np.linalg.norm(padded, axis=1)[:, None]
-        units = units.reshape(blocks, self._width, 3)
+        units = units.reshape(groups, -1, 3)
         axes = units.sum(axis=1)
         self._axes = axes / np.maximum(np.linalg.norm(axes, axis=1), 1e-12)[:, None]
         cosines = (units @ self._axes[:, :, None])[..., 0].min(axis=1)
-        self._half = np.arccos(np.clip(cosines, -1.0, 1.0)) + CLOSE
+        half = np.arccos(np.clip(cosines, -1.0, 1.0)) + CLOSE
+        # a group about the whole sensor is near whatever there is
+        wide = half > 0.5 * np.pi
+        self._cosine = np.where(wide, -3.0, np.cos(half))
+        self._sine = np.where(wide, 3.0, np.sin(half))
         self._kinds = [each.shape for each in shapes]
         self._reach = np.array(
             [
@@ -80,28 +89,27 @@ class RayCaster:
         self._set_faces(shapes)
 
     def _set_faces(self, shapes: Sequence[Surface]) -> None:
-        """Outward normals and distances of all hulls' faces, and each hull's rows."""
-        normals, heights, rows = [np.zeros((0, 3))], [np.zeros(0)], [[0, 0]]
-        owners = list[int]()
+        """Normals and distances of all hulls' faces, and each hull's rows of them."""
+        tables = [np.zeros((0, 4))]
+        self._faces = np.zeros((len(shapes), 2), np.int64)
+        end = 0
         for i, each in enumerate(shapes):
-            begin = len(owners)
             if each.shape == HULL:
                 corners = np.array([[*map(float, v)] for v in each.vertices])
                 a, b, c = corners[np.array(each.faces)].transpose(1, 0, 2)
                 across = np.cross(b - a, c - a)
                 across /= np.linalg.norm(across, axis=1)[:, None]
-                normals.append(across)
-                heights.append((across * a).sum(axis=1))
-                owners += [i] * len(a)
-            rows.append([begin, len(owners)])
-        self._normals = np.concatenate(normals)
-        self._heights = np.concatenate(heights)
-        self._faces = np.array(rows[1:], np.int64).reshape(-1, 2)
-        self._owner = np.array(owners, int)
-        self._marks = np.zeros((len(owners), 2))
-        for i, (begin, end) in enumerate(self._faces):
-            if end > begin:
-                self._marks[begin, 0], self._marks[end - 1, 1] = 1.0, i + 1.0
+                away = (across * a).sum(axis=1)[:, None]
+                tables.append(np.hstack([across, away]))
+                self._faces[i] = end, end + len(a)
+                end += len(a)
+        self._normals, self._heights = np.split(np.concatenate(tables), [3], axis=1)
+        hulls = np.flatnonzero(self._faces[:, 1])
+        counts = np.diff(self._faces[hulls], axis=1)[:, 0]
+        self._owner = np.repeat(hulls, counts)
+        self._marks = np.zeros((end, 2))
+        self._marks[self._faces[hulls, 0], 0] = 1.0
+        self._marks[self._faces[hulls, 1] - 1, 1] = hulls + 1.0
 
     def cast(self, rotations: Array, eyes: Array) -> tuple[Array, IntArray]:
         """Meet all rays with all shapes.
@@ -125,7 +133,7 @@ class RayCaster:
             turned = rotations[:, self._owner].swapaxes(2, 3) @ self._normals[..., None]
             faces[..., :3] = turned[..., 0]
             seen = eyes[:, self._owner]
-            faces[..., 3] = (seen * self._normals).sum(axis=-1) - self._heights
+            faces[..., 3] = (seen * self._normals).sum(axis=-1) - self._heights[:, 0]
             faces[..., 4:] = self._marks
         hits = np.zeros((worlds, 4, lanes))
         hits[:, 0] = np.inf
@@ -139,11 +147,10 @@ class RayCaster:
         self, rotations: Array, eyes: Array, shapes: Array, faces: Array, hits: Array
     ) -> None:
         """Meet rays and shapes in machine code."""
-        kernels = [_kernel(each) for each in self._kinds]
+        addresses = self._addresses
         world, shape, first, last = self._runs(self._near(rotations, eyes))
-        hull = np.array([each == HULL for each in self._kinds], bool)[shape]
+        hull = self._faces[shape, 1] > 0
         jobs = np.zeros((len(world), JOB), np.int64)
-        addresses = np.array([each.address for each in kernels], np.int64)
         jobs[:, 0] = addresses[shape]
         jobs[:, 1] = hits.ctypes.data + world * hits.strides[0]
         jobs[:, 2] = self._rays.ctypes.data
@@ -153,24 +160,30 @@ class RayCaster:
             shapes.ctypes.data + world * shapes.strides[0],
         )
         jobs[:, 4:6] = jobs[:, 1:2]
-        jobs[:, 6], jobs[:, 7] = first, last
+        jobs[:, 6], jobs[:, 7] = first * self._group, last * self._group
         jobs[:, 8] = np.where(hull, self._faces[shape, 0], shape)
         jobs[:, 9] = np.where(hull, self._faces[shape, 1], shape + 1)
         jobs[:, 11] = hits.shape[2]
         jobs[:, 12] = 1
         run_jobs(jobs)
 
+    @cached_property
+    def _addresses(self) -> IntArray:
+        """Addresses of the machine code of each shape."""
+        return np.array([_kernel(each).address for each in self._kinds], np.int64)
+
     def _near(self, rotations: Array, eyes: Array) -> Mask:
         """True for each world, shape and block of rays whose cone meets the shape's
         ball.
         """
-        away = np.sqrt((eyes * eyes).sum(axis=-1))
+        away = np.sqrt((eyes * eyes).sum(axis=-1))[..., None]
         centres = -(rotations.swapaxes(2, 3) @ eyes[..., None])[..., 0]
-        inside = away <= self._reach
-        share = np.divide(self._reach, away, where=~inside, out=np.ones_like(away))
-        angle = np.arcsin(share)[..., None] + self._half
-        cosine = (centres @ self._axes.T) / np.maximum(away, 1e-300)[..., None]
-        near: Mask = (cosine >= np.cos(np.minimum(angle, np.pi))) | inside[..., None]
+        reach = self._reach[:, None]
+        inside = away <= reach
+        # cosine of the cone's angle and the ball's, both times the distance
+        level = np.sqrt(np.where(inside, 0.0, away * away - reach * reach))
+        least = level * self._cosine - np.where(inside, 0.0, reach) * self._sine
+        near: Mask = (centres @ self._axes.T >= least) | inside
         return near
 
     @staticmethod
@@ -179,8 +192,11 @@ class RayCaster:
         steps = np.zeros((*near.shape[:2], near.shape[2] + 1), np.int8)
         steps[..., :-1] = near
         steps[..., 1:] -= near
-        world, shape, first = np.nonzero(steps > 0)
-        return world, shape, first, np.nonzero(steps < 0)[2]
+        # each run has a begin and an end, which take turns
+        marks = np.flatnonzero(steps)
+        row, first = np.divmod(marks[::2], steps.shape[2])
+        world, shape = np.divmod(row, near.shape[1])
+        return world, shape, first, marks[1::2] - row * steps.shape[2]
 
     def _run_in_python(self, shapes: Array, faces: Array, hits: Array) -> None:
         """Meet rays and shapes by NumPy."""

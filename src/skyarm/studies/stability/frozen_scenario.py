@@ -242,8 +242,8 @@ def require_no_memory(scenario: Scenario, first: LoopState) -> None:
     ):
         if place.startswith("payloads["):
             _require_none(bool(leaves(memory)), place, type(component))
-    for named in scenario.agent.sensors:
-        _require_none(True, f"sensors.{named.name}", type(named.sensor))
+    for name, sensor in scenario.agent.all_sensors[1:]:
+        _require_none(True, f"sensors.{name}", type(sensor))
     _require_none(
         bool(leaves(first.agent.estimate)), "estimator", type(scenario.agent.estimator)
     )

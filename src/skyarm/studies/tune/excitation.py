@@ -292,7 +292,7 @@ def with_noise(agent: Agent) -> Agent:
     """Vehicle with the comparison's noise if its sensors are perfect."""
     noisy = (
         agent.noise != PERFECT_SENSORS
-        or agent.sensors
+        or agent.all_sensors[1:]
         or agent.estimator != PASS_THROUGH
     )
     return agent if noisy else replace(agent, noise=NOISE)
