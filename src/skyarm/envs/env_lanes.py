@@ -17,15 +17,15 @@ from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.dynamics import State
 from skyarm.envs.env_program import EnvProgram
 from skyarm.envs.env_task import LearningTask
-from skyarm.envs.lane_pictures import LanePictures
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.files import shown
-from skyarm.records.leaves import rebuild
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import start_draws
 from skyarm.simulate.lane_numbers import checked_array
+from skyarm.simulate.pictures import Pictures
 
 AHEAD = 8192
 """Number of episodes, over all lanes, that are made at once; NumPy then takes about a
@@ -142,7 +142,7 @@ class EnvLanes:
             has flown its duration.
         ending: (lanes,) view, 0 or the number of the ending that came; :attr:`statuses`
             has their words.
-        pictures: pictures that are observed beside the numbers.
+        pictures: sensor -> (lanes, rows, columns, 1), observed beside the numbers.
         state: the plant's state, a record of (lanes,) views: the truth, which no
             observation holds.
         actions: (numbers, lanes) view on the actions of the next step. episodes:
@@ -173,10 +173,15 @@ class EnvLanes:
         self._carry = self._stepper.carry
         now: Any = rebuild(self.program.first, iter(list(self._carry)))
         self.loop = now.loop
+        self._leaves = leaves(now.loop)
         self.state: State = now.loop.agent.state
-        self.pictures = LanePictures(
-            task.scenario, task.observation, lanes, self.dtype
-        )
+        self._depths = {each.sees: each for each in task.observation if each.sees}
+        (agent,) = task.scenario.agents
+        self._pictures = Pictures(task.scenario, {agent: [*self._depths]}, lanes)
+        self.pictures = {
+            name: np.zeros((lanes, *shape, 1), self.dtype)
+            for name, shape in self._pictures.shapes.items()
+        }
         self.episodes: Array = np.zeros(lanes, dtype=np.int64)
         self.seeds: Array = np.zeros(lanes, dtype=np.uint64)
         self.ended = np.zeros(lanes, dtype=bool)
@@ -212,14 +217,38 @@ class EnvLanes:
         # the first step measures what the second period begins with
         self._stepper.begin(lanes, episodes, self.seeds[lanes], first=1)
         self._stepper.fill()
+        for taken in self._pictures.taken.values():
+            taken[:, lanes] = np.nan
         self._look(lanes)
 
     def _look(self, lanes: Array) -> None:
-        """Take the pictures of this instant in some lanes."""
-        if self.pictures.images:
-            self.pictures.look(
-                self.loop, lanes, self.seeds, self.episodes, self.numbers()
-            )
+        """Show the pictures that have arrived in some lanes."""
+        if not self.pictures:
+            return
+        newest = self._pictures.look(
+            self.task.scenario,
+            rebuild(self.loop, (each[lanes].astype(float) for each in self._leaves)),
+            lanes,
+            seeds=self.seeds[lanes],
+            episodes=self.episodes[lanes],
+            numbers={
+                path: each[lanes].astype(float) for path, each in self.numbers().items()
+            },
+        )
+        for (name, image), rows in zip(self.pictures.items(), newest, strict=True):
+            shares = self._depths[name].share(rows[:, 1:])
+            image[lanes] = shares.reshape(len(lanes), *image.shape[1:])
+
+    def observed(self, lanes: int | slice, *, copy: bool = True) -> Any:
+        """Observation of one lane or of several: the numbers, or a table of them and of
+        pictures.
+        """
+        every = {"state": self.observation.T, **self.pictures}
+        seen = {
+            name: each[lanes].copy(order="C") if copy else each[lanes]
+            for name, each in every.items()
+        }
+        return seen if self.pictures else seen["state"]
 
     def act(self, actions: Array) -> None:
         """Set the actions of all parallel episodes for the next step, an array (lanes,

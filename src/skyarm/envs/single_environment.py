@@ -97,7 +97,7 @@ class Environment(gymnasium.Env[Array, Array]):
         else:
             self.lanes.reseed(self._only, np.array([key], dtype=np.uint64))
         self._begun, self._drawn = True, False
-        return self._observe(), {}
+        return self.lanes.observed(0), {}
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, Info]:
         """Simulate one control period with an action, as Gymnasium's ``step``.
@@ -130,17 +130,11 @@ class Environment(gymnasium.Env[Array, Array]):
         ended = bool(lanes.ended[0])
         info = self._ending() if ended else {}
         return (
-            self._observe(),
+            lanes.observed(0),
             float(lanes.reward[0]),
             ended,
             bool(lanes.truncated[0]),
             info,
-        )
-
-    def _observe(self) -> Any:
-        return self.lanes.pictures.observation(
-            self.lanes.observation[:, 0].copy(),
-            {name: each[0].copy() for name, each in self.lanes.pictures.images.items()},
         )
 
     def _ending(self) -> Info:

@@ -67,7 +67,6 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         self.single_observation_space, self.single_action_space = spaces(self.lanes)
         self.observation_space = batch_space(self.single_observation_space, count)
         self.action_space = batch_space(self.single_action_space, count)
-        self._view = self.lanes.observation.T
         # lanes whose episode was over after the last step
         self._over: Array = np.zeros(0, dtype=np.intp)
         self._begun = False
@@ -82,7 +81,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         """Current observations (num_envs, length), as a view that every step
         overwrites; with pictures a table of views.
         """
-        return self.lanes.pictures.observation(self._view, self.lanes.pictures.images)
+        return self.lanes.observed(slice(None), copy=False)
 
     def reset(
         self,
@@ -180,13 +179,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
             self.lanes.close()
 
     def _observe(self) -> Any:
-        pictures = self.lanes.pictures
-        if not self._copy:
-            return pictures.observation(self._view, pictures.images)
-        return pictures.observation(
-            self._view.copy(order="C"),
-            {name: each.copy() for name, each in pictures.images.items()},
-        )
+        return self.lanes.observed(slice(None), copy=self._copy)
 
     def _infos(self, ended: Array) -> Info:
         """Gymnasium infos with status and cause of early terminations."""
@@ -203,13 +196,9 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         mask = np.zeros(self.num_envs, dtype=bool)
         mask[self._over] = True
         final = np.empty(self.num_envs, dtype=object)
-        pictures = self.lanes.pictures
         for lane in self._over.tolist():
             # the view is written anew when the next episode begins
-            final[lane] = pictures.observation(
-                self._view[lane].copy(),
-                {name: each[lane].copy() for name, each in pictures.images.items()},
-            )
+            final[lane] = self.lanes.observed(lane)
         return {
             "final_obs": final,
             "_final_obs": mask,
@@ -224,12 +213,12 @@ def spaces(lanes: EnvLanes) -> tuple[Any, Box]:
     """
     seen, size = len(lanes.observation), len(lanes.actions)
     observed: Any = Box(-LARGEST, LARGEST, (seen,), lanes.dtype)
-    images = {
-        name: Box(0.0, 1.0, each.shape[1:], lanes.dtype)
-        for name, each in lanes.pictures.images.items()
-    }
-    if images:
-        observed = Dict({**({"state": observed} if seen else {}), **images})
+    if lanes.pictures:
+        images = {
+            name: Box(0.0, 1.0, each.shape[1:], lanes.dtype)
+            for name, each in lanes.pictures.items()
+        }
+        observed = Dict({"state": observed, **images})
     return observed, Box(-1.0, 1.0, (size,), lanes.dtype)
 
 

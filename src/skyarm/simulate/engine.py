@@ -51,7 +51,7 @@ from skyarm.simulate.flight_recorder import FlightRecorder
 from skyarm.simulate.inputs import FlightInputs
 from skyarm.simulate.loop_state import LoopState, Sample, carry_over, structure_of
 from skyarm.simulate.period import PlantSteps, make_fleet_period, make_period, measure
-from skyarm.simulate.pictures import Pictures
+from skyarm.simulate.pictures import FlightPictures
 from skyarm.simulate.plant_steps import (
     CalledPlant,
     EpisodeEndedError,
@@ -348,7 +348,7 @@ class EngineState:
         begun, tick, ended, from_outside: as of :class:`Engine`.
         carry, parameters: loop state and parameters of the program. table: log so far.
         memories: internal states of laws that are called.
-        pictures: as of :class:`skyarm.simulate.pictures.Pictures`.
+        pictures: those taken (:class:`skyarm.simulate.pictures.Pictures`).
     """
 
     scenario: Scenario
@@ -362,7 +362,7 @@ class EngineState:
     parameters: Array
     table: Array
     memories: list[Any]
-    pictures: dict[tuple[str, int], list[float]]
+    pictures: dict[str, Array]
 
 
 class Engine:
@@ -409,7 +409,7 @@ class Engine:
         self.tick = self.begun = 0
         self.ended: Ended | None = None
         self._stretch = 1
-        self._pictures = Pictures(self.scenario, self.first)
+        self._pictures = FlightPictures(self.scenario, code.carry)
         self.commanded = False
         self.from_outside = math.inf
 
@@ -553,9 +553,7 @@ class Engine:
 
     def _look(self) -> None:
         """Take the pictures of this instant that a law or an ending sees."""
-        self._pictures.look(
-            self.scenario, self.tick, self.code.carry, self._stepper.carry
-        )
+        self._pictures.write(self.scenario, self._stepper.carry)
 
     def _reason(self, *, lost: bool) -> Ended | None:
         """Status, cause and time of the flight's early termination; None after its full
@@ -708,7 +706,7 @@ class Engine:
             # not copied, being large: what it has up to here is not written again
             table=self.recorder.table,
             memories=copy.deepcopy([each.memory for each in self.code.calls]),
-            pictures={**self._pictures.taken},
+            pictures=copy.deepcopy(self._pictures.taken),
         )
 
     def restore(self, state: EngineState) -> None:
@@ -722,7 +720,7 @@ class Engine:
         self.from_outside = state.from_outside
         self._stepper.carry[:] = state.carry
         self._stepper.parameters[:] = state.parameters
-        self._pictures.taken = {**state.pictures}
+        self._pictures.taken = copy.deepcopy(state.pictures)
         # of the snapshot's table the flight may have overwritten what follows: it goes
         # on in one of its own
         self.recorder.table = np.empty_like(state.table)
@@ -779,7 +777,10 @@ class Engine:
                 self.code.calls[i].memory = kept
             memories.append(_carried_memory(law, kept) if self.code.calls else kept)
         self._stepper.carry[:] = leaves(_with_memories(carried, memories))
-        self._pictures.taken = {**other._pictures.taken}
+        taken = self._pictures.taken
+        for name, before in other._pictures.taken.items():
+            if name in taken and taken[name].shape == before.shape:
+                taken[name] = before
         self.begun = other.tick
         self.tick = other.tick
         self.ended = other.ended

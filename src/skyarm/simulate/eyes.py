@@ -279,7 +279,7 @@ class Eyes:
         now = rebuild(self._structure, iter(loop_leaves))
         times, ticks = np.broadcast_to(time, lanes), np.broadcast_to(tick, lanes)
         keys = self._scenario.episode if episodes is None else episodes
-        return self.lane_depths(name, now, times, ticks, np.broadcast_to(keys, lanes))
+        return self.lane_depths(name, now, times, ticks, episodes=keys)
 
     def lane_depths(
         self,
@@ -287,9 +287,9 @@ class Eyes:
         now: LoopState,
         times: Array,
         ticks: IntArray,
-        episodes: IntArray,
         *,
-        seeds: IntArray | None = None,
+        seeds: ArrayLike | None = None,
+        episodes: ArrayLike | None = None,
         numbers: Mapping[str, Array] = MappingProxyType({}),
     ) -> Array:
         """Depths (lanes, rows, columns) of many flights, each with numbers and keys of
@@ -299,14 +299,19 @@ class Eyes:
             name: name of the sensor.
             now: state of the loop, its scalars (lanes,).
             times: (lanes,) s. ticks: (lanes,) numbers of the control periods.
-            episodes, seeds: (lanes,) keys of the noise; the scenario's seed if left
-                out.
+            seeds, episodes: (lanes,) keys of the noise; the scenario's if left out.
             numbers: path -> (lanes,) numbers of the scenario that differ.
         """
         camera = self._of(name)
         lanes = len(times)
         depths = np.empty((lanes, *camera.sensor.shape))
-        keys = np.broadcast_to(self._scenario.seed if seeds is None else seeds, lanes)
+        first, second = (
+            np.broadcast_to(own if given is None else given, lanes)
+            for given, own in (
+                (seeds, self._scenario.seed),
+                (episodes, self._scenario.episode),
+            )
+        )
         world = with_numbers(self._scenario, numbers).world
         surfaces = () if world is None else world.surfaces
         seen = self._instants(now, times)
@@ -314,7 +319,7 @@ class Eyes:
         for begin in range(0, lanes, AT_ONCE):
             some = slice(begin, begin + AT_ONCE)
             sights = self._look(camera, poses[0][some], poses[1][some])
-            rows = zip(sights, ticks[some], keys[some], episodes[some], strict=True)
+            rows = zip(sights, ticks[some], first[some], second[some], strict=True)
             for i, (sight, at, *key) in enumerate(rows, begin):
                 depths[i] = self._measured(camera, sight, int(at), *map(int, key))
         return depths
