@@ -75,8 +75,8 @@ class Controller:
             require_fields(self.memory, "controller.memory", (Vehicle,))
 
     def require_compiled(self, what: str) -> None:
-        """Raise an error, naming the feature ``what``, if an autopilot flies the base,
-        or the law sees pictures or cannot be traced.
+        """Raise an error, naming the feature ``what``, if an autopilot flies, or
+        the law sees pictures or cannot be traced.
 
         Raises:
             ControllerError: the law sees pictures or cannot be traced, or a program of

@@ -239,7 +239,7 @@ class EnvLanes:
             shares = self._depths[name].share(rows[:, 1:])
             image[lanes] = shares.reshape(len(lanes), *image.shape[1:])
 
-    def observed(self, lanes: int | slice, *, copy: bool = True) -> Any:
+    def view(self, lanes: int | slice, *, copy: bool = True) -> Any:
         """Observation of one lane or of several: the numbers, or a table of them and of
         pictures.
         """

@@ -4,6 +4,7 @@ parameters.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -110,30 +111,40 @@ def make_task(
     else:
         # a law that is not asked ends no episode where it is not defined
         flown = flown.with_controller(replace(flown.agent.controller, margin=None))
-    _require_sensors(flown, seen)
     require_shapes(flown)
+    randomised = read_randomised(flown, randomise, derived)
+    _require_sensors(flown, seen, randomised.paths)
     rewarded = _several("reward", reward, REWARDS, RewardTerm, "term")
     return LearningTask(
         scenario=flown,
         actions=kind,
         observation=seen,
         reward=rewarded,
-        randomised=read_randomised(flown, randomise, derived),
+        randomised=randomised,
         precision=precision,
     )
 
 
-def _require_sensors(flown: Scenario, seen: Sequence[Observed]) -> None:
+SHAPING = re.compile(r"\.(size|vertices|collisions|joint\.(position|axis))\b")
+"""Paths of numbers that change what a camera sees, but for poses."""
+
+
+def _require_sensors(
+    flown: Scenario, seen: Sequence[Observed], paths: Sequence[str]
+) -> None:
     """Refuse pictures of sensors that are not there, or named as the vector of numbers,
     and endings that see.
     """
-    sights = [each.sees for each in seen if each.sees]
-    cameras = [each.name for each in flown.agent.cameras]
-    for i, name in enumerate(sights):
-        if name not in cameras or name in ("state", *sights[:i]):
+    free = {each.name for each in flown.agent.cameras} - {"state"}
+    for name in (each.sees for each in seen if each.sees):
+        if name not in free:
+            allowed = f"a camera, each once, here of {', '.join(sorted(free)) or 'none'}"
+            raise ScenarioError(f"observation: sensor = {name!r}: must be {allowed}")
+        free -= {name}
+        for path in filter(SHAPING.search, paths):
             raise ScenarioError(
-                f"observation: sensor = {name!r}: {must_be_one_of(cameras, name)}, each"
-                " once, and not 'state'"
+                f"randomise: path = {path!r}: must not vary where {name!r} is observed,"
+                " which sees the scenario's shapes; their positions and angles may"
             )
     require_no_pictures(flown, "an environment")
 

@@ -248,7 +248,7 @@ class Depth(Observed):
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
         """The pixels, row by row, of a law's measurement; that of an environment has
-        none, as its pictures are no part of the vector.
+        none, as its pictures stand beside the vector.
         """
         return [
             self.share(depth)

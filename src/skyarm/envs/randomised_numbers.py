@@ -140,16 +140,13 @@ def _check(
     with errors_as(ScenarioError, "randomise: "):
         require_paths(scenario, paths)
         require_draws(scenario, paths)
-        drawn = {path: _ends(distribution) for path, distribution in vary.items()}
+        drawn = {name: _ends(distribution) for name, distribution in vary.items()}
         every = with_derived(_corners(drawn), derived)
         corners = {path: every[path] for path in paths}
         require_within_queue(scenario, corners)
         # rules are checked where the numbers are largest, before lanes fly with them
         LaneRules(scenario, paths).require(corners)
-        ends = {
-            path: drawn.get(path, (float(column.min()), float(column.max())))
-            for path, column in corners.items()
-        }
+        ends = {path: (float(x.min()), float(x.max())) for path, x in corners.items()}
         stiffest = fastest_plant(scenario, ends)
     return Randomised(vary=vary, stiffest=stiffest, derived=derived)
 

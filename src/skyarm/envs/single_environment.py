@@ -97,7 +97,7 @@ class Environment(gymnasium.Env[Array, Array]):
         else:
             self.lanes.reseed(self._only, np.array([key], dtype=np.uint64))
         self._begun, self._drawn = True, False
-        return self.lanes.observed(0), {}
+        return self.lanes.view(0), {}
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, Info]:
         """Simulate one control period with an action, as Gymnasium's ``step``.
@@ -130,7 +130,7 @@ class Environment(gymnasium.Env[Array, Array]):
         ended = bool(lanes.ended[0])
         info = self._ending() if ended else {}
         return (
-            lanes.observed(0),
+            lanes.view(0),
             float(lanes.reward[0]),
             ended,
             bool(lanes.truncated[0]),

@@ -81,7 +81,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         """Current observations (num_envs, length), as a view that every step
         overwrites; with pictures a table of views.
         """
-        return self.lanes.observed(slice(None), copy=False)
+        return self.lanes.view(slice(None), copy=False)
 
     def reset(
         self,
@@ -179,7 +179,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
             self.lanes.close()
 
     def _observe(self) -> Any:
-        return self.lanes.observed(slice(None), copy=self._copy)
+        return self.lanes.view(slice(None), copy=self._copy)
 
     def _infos(self, ended: Array) -> Info:
         """Gymnasium infos with status and cause of early terminations."""
@@ -198,7 +198,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         final = np.empty(self.num_envs, dtype=object)
         for lane in self._over.tolist():
             # the view is written anew when the next episode begins
-            final[lane] = self.lanes.observed(lane)
+            final[lane] = self.lanes.view(lane)
         return {
             "final_obs": final,
             "_final_obs": mask,
