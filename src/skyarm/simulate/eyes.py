@@ -10,14 +10,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra import Vec3
 from skyarm.algebra.scalars.philox import normal
 from skyarm.log.flight_log import Log
-from skyarm.records.arrays import Array, IntArray, doubles, stack_values
+from skyarm.records.arrays import Array, IntArray, float_array, stack_values
 from skyarm.records.files import must_be_one_of
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import rebuild
@@ -32,7 +33,7 @@ from skyarm.world.component import by_array
 from skyarm.world.contact.contact_point import BASE_NAME
 from skyarm.world.contact.contact_scene import carrier_poses
 from skyarm.world.contact.material import Material
-from skyarm.world.contact.surface import Surface
+from skyarm.world.contact.shape_pairs import PlacedShape
 from skyarm.world.contact.vehicle_bodies import (
     Part,
     fixed_side,
@@ -47,37 +48,28 @@ from skyarm.world.scene.vehicle_shapes import (
     vectors,
 )
 
+if TYPE_CHECKING:
+    from skyarm.world.contact import Contact
+
 AT_ONCE = 64
-"""Number of instants of a log whose poses are computed together."""
+"""Number of instants whose rays are met together."""
 
 CARRIED = ("object_position", "object_quaternion", "mechanism_position")
 """Logged arrays with the poses of movable bodies."""
 
 
 @positional
-class _Sight:
-    """What the rays of one picture met: shapes, their poses from the sensor, number of
-    the shape (from 1 on) and true depth of each ray.
-    """
+class _Camera:
+    """Sensor with its body, the shapes that it may see, and the bodies of these."""
 
-    shapes: Sequence[Surface]
-    rotations: Array
-    eyes: Array
+    sensor: RaySensor
+    body: int
+    owners: IntArray
+    parts: Sequence[Part]
     directions: Array
-    number: IntArray
-    depth: Array
-
-    def normals(self) -> Array:
-        """Outward unit normals (..., 3), optical axes; NaN where nothing is met."""
-        found = np.full(self.directions.shape, np.nan)
-        for i in np.unique(self.number[self.number > 0]):
-            here = self.number == i
-            R_SC = self.rotations[i - 1]
-            way = self.directions[here] * self.depth[here][:, None]
-            places = self.eyes[i - 1] + way @ R_SC.T
-            normal_S = self.shapes[i - 1].skin(Vec3(*places.T), 0)[1]
-            found[here] = vectors(normal_S, len(places)) @ R_SC
-        return found
+    caster: RayCaster
+    every: int
+    channel: int
 
 
 @immutable(slots=False, eq=False)
@@ -87,33 +79,80 @@ class Frame:
     Attributes:
         time: instant at which it was taken, s; it arrives the sensor's latency later.
         sensor: name of the sensor.
-        depth: (rows, columns) m, along the optical axis of a camera, along the ray of a
-            lidar; infinite where nothing is within range, -inf where something is
-            nearer than it, NaN where a reading is lost.
-        segment: (rows, columns) number in ``names`` of the body that is seen; 0 for
-            nothing within range.
+        names: names of the bodies, as of contact; the first is empty.
         position, quaternion: true pose of the optical frame, (3,) m and (4,) w x y z,
             world axes.
-        names: names of the bodies, as of contact; the first is empty.
-        directions: (rows, columns, 3) of the rays, optical axes.
+        distance: (rows, columns) m, true depth; infinite where nothing is ahead.
+        number: (rows, columns) of the shape that is met, from 1 on.
+        rotations, eyes: (bodies, 3, 3) from optical axes to those of each body, and (3,
+            bodies) m, the sensor's place in these.
+        noise: (rows, columns) standard normal numbers; empty without noise.
+        camera: sensor and shapes.
     """
 
     time: float
     sensor: str
-    depth: Array
-    segment: IntArray
+    names: tuple[str, ...]
     position: Array
     quaternion: Array
-    names: tuple[str, ...]
-    directions: Array
-    sight: _Sight
+    distance: Array
+    number: IntArray
+    rotations: Array
+    eyes: Array
+    noise: Array
+    camera: _Camera
+
+    @property
+    def directions(self) -> Array:
+        """Directions (rows, columns, 3) of the rays, optical axes, whose length is one
+        unit of depth.
+        """
+        return self.camera.directions
+
+    @cached_property
+    def depth(self) -> Array:
+        """Measured depth (rows, columns), m: along the optical axis of a camera, along
+        the ray of a lidar.
+
+        Infinite where nothing is within range, -inf where something is nearer than it,
+        NaN where a reading is lost.
+        """
+        sensor = self.camera.sensor
+        depth = self.distance
+        if self.noise.size:
+            met = np.where(np.isfinite(depth), depth, 0.0)
+            depth = depth + sensor.noise.deviation(met) * self.noise
+        if sensor.grazing:
+            across = np.abs((self.normal * self.directions).sum(axis=-1))
+            least = np.sin(sensor.grazing) * np.linalg.norm(self.directions, axis=-1)
+            depth = np.where(across < least, np.nan, depth)
+        depth = np.where(self.distance > sensor.farthest, np.inf, depth)
+        return np.where(self.distance < sensor.nearest, -np.inf, depth)
+
+    @cached_property
+    def segment(self) -> IntArray:
+        """Number (rows, columns) in ``names`` of the body that is seen; 0 for nothing
+        within range.
+        """
+        sensor, far = self.camera.sensor, self.distance
+        bodies = np.append(1 + self.camera.owners, 0)[self.number - 1]
+        return bodies * ((far >= sensor.nearest) & (far <= sensor.farthest))
 
     @cached_property
     def normal(self) -> Array:
         """Outward unit normals (rows, columns, 3) of what is seen, optical axes; NaN
         for nothing within range.
         """
-        return np.where(self.segment[..., None] > 0, self.sight.normals(), np.nan)
+        normals = np.full(self.directions.shape, np.nan)
+        for i in np.unique(self.number[self.segment > 0]) - 1:
+            here = (self.number == i + 1) & (self.segment > 0)
+            part, body = self.camera.parts[i], self.camera.owners[i]
+            R_BC = self.rotations[body]
+            way = self.directions[here] * self.distance[here][:, None]
+            places = Vec3(*(self.eyes[body] + way @ R_BC.T).T)
+            solid = PlacedShape(part.shape, part.rotation, part.position)
+            normals[here] = vectors(solid.skin(places, 0)[1], len(way)) @ R_BC
+        return normals
 
     def points(self) -> Array:
         """Points (rows, columns, 3) that are seen, m, optical axes; NaN for none."""
@@ -121,112 +160,77 @@ class Frame:
         return self.directions * depth[..., None]
 
 
-@positional
-class _Instants:
-    """Poses of vehicles and movable bodies at N instants, as a log has them: times
-    (N,), position (N, 3), quaternion (N, 4) and joints (N, n) of each vehicle, and
-    arrays of ``CARRIED``.
-    """
-
-    times: Array
-    vehicles: Sequence[tuple[Array, Array, Array]]
-    carried: Mapping[str, Array]
-
-
-@positional
-class _Camera:
-    """Sensor on a body, with the shapes that it may see."""
-
-    sensor: RaySensor
-    body: int
-    rotation: Array
-    position: Array
-    shapes: IntArray
-    caster: RayCaster
-    directions: Array
-    every: int
-    channel: int
+Poses = tuple[Array, Sequence[tuple[Array, Array, Array]], Mapping[str, Array]]
+"""Times (N,) s, position (N, 3), quaternion (N, 4) and joints (N, n) of each vehicle,
+and arrays of ``CARRIED``, as of a log."""
 
 
 class Eyes:
     """All cameras and lidars of a scenario, and the shapes that they see.
 
     Attributes:
-        names: names of the sensors, behind the vehicle's name and a dot if there are
+        sensors: the sensors by name, behind the vehicle's name and a dot if there are
             several.
-        sensors: the sensors by these names.
         bodies: names of the bodies that may be seen; the first is empty, for nothing.
     """
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
-        self._world = world = scenario.world
-        self._carriers = () if world is None else world.carriers
-        self._surfaces = () if world is None else world.surfaces
-        parts: list[tuple[int, Part]] = []
-        for i, surface in enumerate(self._surfaces):
-            parts.append((i, fixed_side(surface, 0.0).parts[0]))
-        first = len(self._surfaces)
-        for i, carrier in enumerate(self._carriers, first):
-            parts += [(i, part_of(each)) for each in carrier.surfaces]
-        first += len(self._carriers)
-        # of each vehicle all bodies have poses, also those without shapes
-        self._first = dict[str, int]()
-        names = [each.name for each in (*self._surfaces, *self._carriers)]
+        self._worlds = scenario.worlds
+        bodies = list[tuple[str, Sequence[Part]]]()
+        for contact in self._worlds:
+            bodies += [(s.name, fixed_side(s, 0.0).parts) for s in contact.surfaces]
+            for each in contact.carriers:
+                bodies.append((each.name, [*map(part_of, each.surfaces)]))
+        bases = dict[str, int]()
         for agent, vehicle in scenario.vehicles.items():
-            self._first[agent] = first
-            own = f"{agent}." if len(scenario.vehicles) > 1 else ""
-            called = [BASE_NAME, *(each.name for each in vehicle.moving)]
-            names += [own + each for each in called]
-            for shape in vehicle.collisions:
-                part = part_of_vehicle(shape, Material())
-                parts.append((first + 1 + shape.link, part))
-            first += len(called)
-        self.bodies = ("", *names)
-        self._owners = np.array([i for i, _ in parts], int)
-        self._shapes = [part.shape for _, part in parts]
-        self._turns = _stack([part.rotation for _, part in parts])
-        self._places = np.array(
-            [[*map(float, part.position)] for _, part in parts]
-        ).reshape(-1, 3)
-        self._cameras = {
-            each.name if len(scenario.agents) == 1 else f"{agent}.{each.name}": (
-                self._camera(agent, each.name, each.sensor)
-            )
-            for agent, record in scenario.agents.items()
-            for each in record.cameras
-        }
-        self.names = tuple(self._cameras)
+            bases[agent] = len(bodies)
+            several = f"{agent}." if len(scenario.vehicles) > 1 else ""
+            names = [BASE_NAME, *(each.name for each in vehicle.moving)]
+            for link, name in enumerate(names, -1):
+                own = [each for each in vehicle.collisions if each.link == link]
+                parts = [part_of_vehicle(each, Material()) for each in own]
+                bodies.append((several + name, parts))
+        self.bodies = ("", *(name for name, _ in bodies))
+        every = [(i, part) for i, (_, parts) in enumerate(bodies) for part in parts]
+        self._cameras = dict[str, _Camera]()
+        for agent, record in scenario.agents.items():
+            for each in record.cameras:
+                sensor = each.sensor
+                body = bases[agent] + 1 + sensor.body_of(record.vehicle)
+                seen = [row for row in every if sensor.sees_own_link or row[0] != body]
+                owners = np.array([i for i, _ in seen], int)
+                parts = [part for _, part in seen]
+                ways = sensor.directions()
+                name = f"{agent}.{each.name}" if len(bases) > 1 else each.name
+                self._cameras[name] = _Camera(
+                    sensor,
+                    body,
+                    owners,
+                    parts,
+                    ways,
+                    RayCaster(ways.reshape(-1, 3), owners, parts),
+                    round(scenario.rates.control / sensor.frequency),
+                    sensor_channel(each.name, agent),
+                )
         self.sensors = {name: each.sensor for name, each in self._cameras.items()}
 
-    def _camera(self, agent: str, name: str, sensor: RaySensor) -> _Camera:
-        vehicle = self._scenario.vehicles[agent]
-        body = self._first[agent] + 1 + sensor.body_of(vehicle)
-        seen = np.flatnonzero(sensor.sees_own_link | (self._owners != body))
-        directions = sensor.directions()
-        return _Camera(
-            sensor,
-            body,
-            matrices(sensor.rotation, 1)[0],
-            np.array([*map(float, sensor.position)]),
-            seen,
-            RayCaster(directions.reshape(-1, 3), [self._shapes[i] for i in seen]),
-            directions,
-            round(self._scenario.rates.control / sensor.frequency),
-            sensor_channel(name, agent),
-        )
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the sensors."""
+        return tuple(self.sensors)
 
-    def _of(self, name: str) -> _Camera:
+    def _camera(self, name: str) -> _Camera:
         if name not in self._cameras:
-            known = must_be_one_of(self.names, name)
+            allowed = must_be_one_of(self.names, name)
             raise ScenarioError(
-                f"sensors.{name}: {known if self.names else 'there is no camera'}"
+                f"sensors.{name}: {allowed if self.names else 'there is no camera'}"
             )
         return self._cameras[name]
 
     def is_due(self, name: str, tick: int) -> bool:
         """True if a sensor takes a picture in a control period."""
-        return tick % self._of(name).every == 0
+        return tick % self._camera(name).every == 0
 
     def frame(self, name: str, now: LoopState, time: float, tick: int) -> Frame:
         """Picture from a state of the loop, before a control period.
@@ -237,26 +241,20 @@ class Eyes:
             time: s.
             tick: number of the period, which numbers the picture's noise.
         """
-        seen = self._instants(now, np.array([time]))
-        (frame,) = self._frames(name, seen, np.array([tick]))
-        return frame
+        poses = self._poses_in(now, np.array([time]))
+        return next(self._frames(name, poses, np.array([tick])))
 
     def frames(self, name: str, log: Log) -> Iterator[Frame]:
         """Pictures of a flight from its log, one at a time, when the sensor is due."""
         ticks = np.rint(log.time * self._scenario.rates.control).astype(int)
-        rows = np.flatnonzero(ticks % self._of(name).every == 0)
-        carried = {each: log.component(each) for each in CARRIED}
-        for begin in range(0, len(rows), AT_ONCE):
-            some = rows[begin : begin + AT_ONCE]
-            seen = _Instants(
-                log.time[some],
-                [
-                    (each.position[some], each.quaternion[some], each.joints[some])
-                    for each in log.agents.values()
-                ],
-                {each: array[some] for each, array in carried.items()},
-            )
-            yield from self._frames(name, seen, ticks[some])
+        rows = np.flatnonzero(ticks % self._camera(name).every == 0)
+        vehicles = [
+            (each.position[rows], each.quaternion[rows], each.joints[rows])
+            for each in log.agents.values()
+        ]
+        carried = {each: log.component(each)[rows] for each in CARRIED}
+        poses = log.time[rows], vehicles, carried
+        return self._frames(name, poses, ticks[rows])
 
     def depths(
         self,
@@ -275,198 +273,153 @@ class Eyes:
             tick: number of the control period, one or (lanes,).
             episodes: (lanes,) keys of the noise; the scenario's if left out.
         """
-        lanes = loop_leaves.shape[1]
         now = rebuild(self._structure, iter(loop_leaves))
-        times, ticks = np.broadcast_to(time, lanes), np.broadcast_to(tick, lanes)
-        keys = self._scenario.episode if episodes is None else episodes
-        return self.lane_depths(name, now, times, ticks, episodes=keys)
+        times = np.broadcast_to(time, loop_leaves.shape[1])
+        return self.lane_depths(name, now, times, tick, episodes=episodes)
 
     def lane_depths(
         self,
         name: str,
         now: LoopState,
         times: Array,
-        ticks: IntArray,
+        ticks: ArrayLike,
         *,
         seeds: ArrayLike | None = None,
         episodes: ArrayLike | None = None,
         numbers: Mapping[str, Array] = MappingProxyType({}),
     ) -> Array:
-        """Depths (lanes, rows, columns) of many flights, each with numbers and keys of
-        its own.
+        """Depths (lanes, rows, columns) of many flights that differ in numbers and
+        keys.
 
         Args:
             name: name of the sensor.
             now: state of the loop, its scalars (lanes,).
-            times: (lanes,) s. ticks: (lanes,) numbers of the control periods.
+            times: (lanes,) s.
+            ticks: numbers of the control periods, one or (lanes,).
             seeds, episodes: (lanes,) keys of the noise; the scenario's if left out.
-            numbers: path -> (lanes,) numbers of the scenario that differ.
+            numbers: path -> (lanes,) numbers of the scenario, such as the place of a
+                surface.
         """
-        camera = self._of(name)
-        lanes = len(times)
-        depths = np.empty((lanes, *camera.sensor.shape))
-        first, second = (
-            np.broadcast_to(own if given is None else given, lanes)
-            for given, own in (
-                (seeds, self._scenario.seed),
-                (episodes, self._scenario.episode),
-            )
+        scenario = self._scenario
+        seeds = scenario.seed if seeds is None else seeds
+        episodes = scenario.episode if episodes is None else episodes
+        counts, *keys = (
+            np.broadcast_to(each, len(times)).astype(int)
+            for each in (ticks, seeds, episodes)
         )
-        world = with_numbers(self._scenario, numbers).world
-        surfaces = () if world is None else world.surfaces
-        seen = self._instants(now, times)
-        poses = self._poses(seen, surfaces)
-        for begin in range(0, lanes, AT_ONCE):
-            some = slice(begin, begin + AT_ONCE)
-            sights = self._look(camera, poses[0][some], poses[1][some])
-            rows = zip(sights, ticks[some], first[some], second[some], strict=True)
-            for i, (sight, at, *key) in enumerate(rows, begin):
-                depths[i] = self._measured(camera, sight, int(at), *map(int, key))
-        return depths
+        poses = self._poses_in(now, times)
+        frames = self._frames(name, poses, counts, keys, numbers)
+        return np.stack([each.depth for each in frames])
 
     @cached_property
     def _structure(self) -> LoopState:
         return structure_of(first_loop_state(self._scenario))
 
-    def _instants(self, now: LoopState, times: Array) -> _Instants:
+    def _poses_in(self, now: LoopState, times: Array) -> Poses:
         """Poses in a state of the loop, whose numbers are floats or arrays."""
-        count = len(times)
+
+        def columns(values: Sequence[Array]) -> Array:
+            return stack_values(len(times), values).T
+
         vehicles = [
             (
-                stack_values(count, each.state.position).T,
-                stack_values(count, each.state.quaternion).T,
-                stack_values(count, each.state.joints).T,
+                columns([*each.state.position]),
+                columns([*each.state.quaternion]),
+                columns(each.state.joints),
             )
             for each in now.agents
         ]
         carried = dict[str, Array]()
-        if self._carriers:
+        for contact in self._worlds:
             # the contact model is the last of the shared ones
             memories = now.components[-1].carried
-            numbers = [
-                number
-                for each, memory in zip(self._carriers, memories, strict=True)
-                for number in each.logged(each.advance(memory))
-            ]
-            carried = {
-                name: stack_values(count, values).T
-                for name, values in by_array(self._carriers, numbers).items()
-            }
-        return _Instants(times, vehicles, carried)
+            pairs = zip(contact.carriers, memories, strict=True)
+            logged = [n for each, m in pairs for n in each.logged(each.advance(m))]
+            rows = by_array(contact.carriers, logged)
+            carried |= {name: columns(values) for name, values in rows.items()}
+        return times, vehicles, carried
 
-    def _poses(
-        self, seen: _Instants, surfaces: Sequence[Surface]
+    def _world_poses(
+        self, poses: Poses, worlds: Sequence[Contact]
     ) -> tuple[Array, Array]:
         """Rotations (N, bodies, 3, 3) to world axes and positions (N, bodies, 3) of all
         bodies.
         """
-        count = len(seen.times)
-        rows = [
-            (matrices(each.rotation, count), vectors(each.place(seen.times)[0], count))
-            for each in surfaces
-        ]
-        if self._world is not None:
-            objects, mechanisms = self._world.objects, self._world.mechanisms
-            carried = carrier_poses(objects, mechanisms, seen.carried, count)
-            rows += [carried[i] for i in range(len(carried))]
-        for vehicle, own in zip(
-            self._scenario.vehicles.values(), seen.vehicles, strict=True
-        ):
-            poses = (
+        times, vehicles, carried = poses
+        count = len(times)
+        rows = list[tuple[Array, Array]]()
+        for contact in worlds:
+            for each in contact.surfaces:
+                turn = matrices(each.rotation, count)
+                rows.append((turn, vectors(each.place(times)[0], count)))
+            moved = carrier_poses(contact.objects, contact.mechanisms, carried, count)
+            rows += moved.values()
+        whole = self._scenario.vehicles.values()
+        for vehicle, own in zip(whole, vehicles, strict=True):
+            rows += (
                 place(vehicle, *(each[0] for each in own)).poses
                 if count == 1
                 else body_poses(vehicle, *own)
-            )
-            rows += [poses[body] for body in sorted(poses)]
-        return np.stack([R for R, _ in rows], 1), np.stack([p for _, p in rows], 1)
+            ).values()
+        rotations, positions = zip(*rows, strict=True)
+        return np.stack(rotations, 1), np.stack(positions, 1)
 
-    def _look(
-        self, camera: _Camera, rotations: Array, positions: Array
-    ) -> list[_Sight]:
-        """What a sensor's rays meet at N instants."""
-        R_WC, p_WC = self._mounted(camera, rotations, positions)
-        owners = self._owners[camera.shapes]
-        R_WB = rotations[:, owners]
-        R_SW = (R_WB @ self._turns[camera.shapes]).swapaxes(2, 3)
-        places = self._places[camera.shapes][:, :, None]
-        p_WS = positions[:, owners] + (R_WB @ places)[..., 0]
-        R_SC = R_SW @ R_WC[:, None]
-        eyes = (R_SW @ (p_WC[:, None] - p_WS)[..., None])[..., 0]
-        depth, number = camera.caster.cast(R_SC, eyes)
-        shapes = [self._shapes[i] for i in camera.shapes]
-        shape = (len(depth), *camera.sensor.shape)
-        rows = zip(R_SC, eyes, number.reshape(shape), depth.reshape(shape), strict=True)
-        return [
-            _Sight(shapes, R, eye, camera.directions, each, far)
-            for R, eye, each, far in rows
-        ]
-
-    @staticmethod
-    def _mounted(
-        camera: _Camera, rotations: Array, positions: Array
-    ) -> tuple[Array, Array]:
-        """Rotations (N, 3, 3) and positions (N, 3) of a sensor's optical frame."""
-        R_WB = rotations[:, camera.body]
-        away = R_WB @ camera.position[:, None]
-        return R_WB @ camera.rotation, positions[:, camera.body] + away[..., 0]
-
-    def _measured(
-        self, camera: _Camera, sight: _Sight, tick: int, seed: int, episode: int
-    ) -> Array:
-        """Depth (rows, columns) with range and errors."""
-        sensor, depth = camera.sensor, sight.depth
-        read = depth
-        if sensor.noise.any:
-            numbers = normal(
-                seed,
-                episode,
-                camera.channel,
-                tick // camera.every,
-                depth.size,
-            )
-            met = np.where(np.isfinite(depth), depth, 0.0)
-            read = depth + sensor.noise.deviation(met) * numbers.reshape(depth.shape)
-        read = np.where(depth > float(sensor.farthest), np.inf, read)
-        read = np.where(depth < float(sensor.nearest), -np.inf, read)
-        if sensor.grazing:
-            along = np.abs((sight.normals() * sight.directions).sum(axis=-1))
-            size = np.linalg.norm(sight.directions, axis=-1)
-            lost = along < np.sin(float(sensor.grazing)) * size
-            read = np.where(lost & np.isfinite(read), np.nan, read)
-        return read
-
-    def _frames(self, name: str, seen: _Instants, ticks: IntArray) -> Iterator[Frame]:
-        camera = self._of(name)
+    def _frames(
+        self,
+        name: str,
+        poses: Poses,
+        ticks: IntArray,
+        keys: Sequence[IntArray] = (),
+        numbers: Mapping[str, Array] = MappingProxyType({}),
+    ) -> Iterator[Frame]:
+        """Pictures at N instants, in pieces, so that memory does not grow with N."""
         scenario = self._scenario
-        poses = self._poses(seen, self._surfaces)
-        for i, tick in enumerate(ticks.tolist()):
-            R, p = (each[i : i + 1] for each in poses)
-            R_WC, p_WC = self._mounted(camera, R, p)
-            (sight,) = self._look(camera, R, p)
-            within = (sight.depth >= float(camera.sensor.nearest)) & (
-                sight.depth <= float(camera.sensor.farthest)
-            )
-            owners = 1 + np.append(self._owners[camera.shapes], -1)
-            segment = np.where(within, owners[sight.number - 1], 0)
-            yield Frame(
-                time=float(seen.times[i]),
-                sensor=name,
-                depth=self._measured(
-                    camera, sight, tick, scenario.seed, scenario.episode
+        camera = self._camera(name)
+        sensor = camera.sensor
+        R_BO = matrices(sensor.rotation, 1)[0]
+        p_BO = float_array(sensor.position)[:, None]
+        times, vehicles, carried = poses
+        for begin in range(0, len(times), AT_ONCE):
+            part = slice(begin, begin + AT_ONCE)
+            varied = {path: column[part] for path, column in numbers.items()}
+            R_WB, p_WB = self._world_poses(
+                (
+                    times[part],
+                    [tuple(each[part] for each in own) for own in vehicles],
+                    {each: array[part] for each, array in carried.items()},
                 ),
-                segment=segment,
-                position=p_WC[0],
-                quaternion=quaternions_of(R_WC)[0],
-                names=self.bodies,
-                directions=camera.directions,
-                sight=sight,
+                with_numbers(scenario, varied).worlds if varied else self._worlds,
             )
-
-
-def _stack(rotations: Sequence[Mat3]) -> Array:
-    """Array (n, 3, 3) of matrices with plain numbers."""
-    rows = [[[*map(float, row)] for row in R.rows] for R in rotations]
-    return doubles(rows).reshape(-1, 3, 3)
+            R_WO = R_WB[:, camera.body] @ R_BO
+            p_WO = p_WB[:, camera.body] + (R_WB[:, camera.body] @ p_BO)[..., 0]
+            R_SO = R_WB.swapaxes(2, 3) @ R_WO[:, None]
+            off = (p_WO[:, None] - p_WB)[..., None]
+            eyes = (R_WB.swapaxes(2, 3) @ off)[..., 0]
+            distances, numbers = camera.caster.cast(R_SO, eyes)
+            quaternions = quaternions_of(R_WO)
+            for i, distance in enumerate(distances):
+                noise = np.zeros(0)
+                if sensor.noise.any:
+                    at = [each[begin + i] for each in keys]
+                    noise = normal(
+                        *(at or (scenario.seed, scenario.episode)),
+                        camera.channel,
+                        ticks[begin + i] // camera.every,
+                        distance.size,
+                    ).reshape(sensor.shape)
+                yield Frame(
+                    time=float(times[begin + i]),
+                    sensor=name,
+                    names=self.bodies,
+                    position=p_WO[i],
+                    quaternion=quaternions[i],
+                    distance=distance.reshape(sensor.shape),
+                    number=numbers[i].reshape(sensor.shape),
+                    rotations=R_SO[i],
+                    eyes=eyes[i],
+                    noise=noise,
+                    camera=camera,
+                )
 
 
 def frames_of(log: Log, name: str) -> Iterator[Frame]:
