@@ -5,6 +5,7 @@ import sys
 import gymnasium
 import numpy as np
 
+import skyarm
 import skyarm.envs as learn
 
 TASK = sys.argv[1] if len(sys.argv) > 1 else "ReachWhatTheWristSees"  # or FlyThroughWindow
@@ -82,9 +83,9 @@ def whole(seen):
 
 def student(x):
     values = [x]
-    for k in range(0, 6, 2):
-        x = x @ layers[k].T + layers[k + 1]
-        values.append(x := np.tanh(x) if k < 4 else x)
+    for weights, offsets in zip(layers[::2], layers[1::2]):
+        x = x @ weights.T + offsets
+        values.append(x := x if weights is layers[4] else np.tanh(x))
     return values
 
 
@@ -102,12 +103,18 @@ def learning(by_teacher):
 for k in range(ROUNDS):
     fly(envs, 10**7 + LANES * k, learning(k == 0))
     x, y = np.concatenate(inputs), np.concatenate(answers)
-    for batch in np.array_split(np.random.default_rng(k).permutation(len(x))[: 200_000], 200_000 // 256 * min(len(x), 200_000) // 200_000 or 1):
+    chosen = np.random.default_rng(k).permutation(len(x))[:200_000]
+    for batch in np.array_split(chosen, -(-len(chosen) // 256)):
         values = student(x[batch])
         error, slopes = 2.0 * (values[-1] - y[batch]) / len(batch), []
-        for n in (4, 2, 0):
-            slopes = [error.T @ values[n // 2], error.sum(axis=0), *slopes]
-            error = (error @ layers[n]) * (1.0 - values[n // 2] ** 2)
+        for n in (2, 1, 0):
+            slopes = [error.T @ values[n], error.sum(axis=0), *slopes]
+            error = (error @ layers[2 * n]) * (1.0 - values[n] ** 2)
         descent.step(slopes, 1e-3)
     _, good = fly(envs, 10**6, lambda seen, _: student(whole(seen))[-1])
     print(f"student, from depth, round {k}: {good.mean():.0%} of {len(good)} held-out worlds", flush=True)
+
+# 3. the student is a law, which sees in any flight
+law = learn.as_law([*zip(layers[::2], layers[1::2])], envs, name="student")
+log = skyarm.run(envs.unwrapped.lanes.lane_scenario(0).with_controller(law))
+print(law.name, "sees", *law.sees, log.status)

@@ -21,6 +21,7 @@ from skyarm.envs.vector_environment import VectorEnvironment
 from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.simulate import eyes
 
 EVERY, LATE, RATE = 5, 7, 100
 
@@ -72,7 +73,8 @@ def arguments(**changes):
     }
 
 
-def test_every_lane_sees_what_a_session_sees():
+def test_every_lane_sees_what_a_session_sees(monkeypatch):
+    monkeypatch.setattr(eyes, "AT_ONCE", 2)
     envs = VectorEnvironment(3, **arguments())
     alone = Environment(**arguments())
     seen, _ = envs.reset(seed=5)

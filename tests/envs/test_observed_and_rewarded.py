@@ -144,17 +144,13 @@ def test_reward_terms_are_what_they_say(planned):
     place, _ = skyarm.frame_pose_world(
         vehicle, SIGHTED.position, SIGHTED.quaternion, SIGHTED.joints
     )
-    touch, room = (
-        np.linalg.norm(np.array([*each]) - target) - 0.1
-        for each in (place, SIGHTED.position)
-    )
+    touch = np.linalg.norm(np.array([*place]) - target) - 0.1
     expected = {
         "tip_near": np.exp(-((tip / 2.0) ** 2)),
         "tip_distance": -tip / 2.0,
         "position_near": np.exp(-((base / 2.0) ** 2)),
         "position_distance": -base / 2.0,
         "touch": np.exp(-touch / 2.0),
-        "room": min(touch, room) / 2.0,
         "upright": np.cos(ROLL),
         "spin": -5.25 / 4.0,
         "joint_distance": -np.mean([0.1**2, 0.15**2]),
@@ -180,6 +176,11 @@ def test_reward_terms_are_what_they_say(planned):
             state=dataclasses.replace(state, quaternion=skyarm.Quaternion(*turned)),
         )
         assert float(REWARDS["upright"]().value(posed)) == pytest.approx(wanted)
+    on_it = {"surfaces": [ball(place)]}
+    touched = dataclasses.replace(
+        result, scenario=scenario_from({**document("case3"), "world": on_it})
+    )
+    assert float(REWARDS["touch"]().value(touched)) == 1.0
     going = dataclasses.replace(result, ended=0.0)
     assert (REWARDS["alive"]().value(going), REWARDS["lost"]().value(going)) == (
         1.0,

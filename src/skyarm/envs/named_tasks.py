@@ -25,7 +25,6 @@ from skyarm.envs.reward_terms import (
     PositionDistance,
     PositionNear,
     RewardTerm,
-    Room,
     Spin,
     Touch,
     Upright,
@@ -153,7 +152,7 @@ NAMED: dict[str, NamedTask] = {
         file="fly_through_window",
         actions=References(position=0.5, angle=0.2),
         reward=(
-            Room(),
+            Alive(),
             ActionChange(weight=0.05),
             Lost(weight=100.0),
         ),

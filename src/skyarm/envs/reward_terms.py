@@ -8,11 +8,10 @@ Rewards read the truth, which the policy does not see.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import reduce
 from typing import Annotated
 
 from skyarm.algebra import Scalar, Vec3
-from skyarm.algebra.scalars import exp, maximum, minimum, sqrt
+from skyarm.algebra.scalars import exp, minimum, sqrt
 from skyarm.envs.observed_quantities import (
     JointTravel,
     Metres,
@@ -127,25 +126,17 @@ class Touch(RewardTerm):
 
     def value(self, result: Result) -> Scalar:
         """Reward between 0 and 1 that is 1 on and within the surface."""
-        away = maximum(_room(result, tip_of(result), self.surface), 0.0)
-        return exp(-away / self.scale)
-
-
-@immutable
-class Room(RewardTerm):
-    """Reward for room around base and tip: the smaller distance from fixed surfaces, at
-    most the scale.
-    """
-
-    scale: Metres = 0.3
-
-    def value(self, result: Result) -> Scalar:
-        """Reward that is 1 where no surface is nearer than the scale, negative
-        within.
-        """
-        places = (result.state.position, tip_of(result))
-        nearest = reduce(minimum, [_room(result, place) for place in places])
-        return minimum(nearest / self.scale, 1.0)
+        surfaces = {
+            each.name: each for world in result.scenario.worlds for each in world.still
+        }
+        if self.surface not in surfaces:
+            allowed = must_be_one_of(surfaces, self.surface)
+            raise ScenarioError(f"Touch: surface = {self.surface!r}: {allowed}")
+        state = result.state
+        tip = tip_at(result.vehicle, state.position, state.quaternion, state.joints)
+        # a radius that is a float: that of an int 0 asks for the nearest face alone
+        depth, _ = surfaces[self.surface].depth(tip, 0.0, 0.0)
+        return exp(minimum(depth, 0.0) / self.scale)
 
 
 @immutable
@@ -234,7 +225,6 @@ REWARDS: dict[str, type[RewardTerm]] = {
     "position_near": PositionNear,
     "position_distance": PositionDistance,
     "touch": Touch,
-    "room": Room,
     "upright": Upright,
     "spin": Spin,
     "joint_distance": JointDistance,
@@ -253,28 +243,6 @@ USUAL_REWARD: tuple[RewardTerm, ...] = (
     Lost(weight=10.0),
 )
 """Default reward."""
-
-
-def tip_of(result: Result) -> Vec3:
-    """True tip position, m, world axes."""
-    state = result.state
-    return tip_at(result.vehicle, state.position, state.quaternion, state.joints)
-
-
-def _room(result: Result, place: Vec3, name: str = "") -> Scalar:
-    """Distance (m) of a place from the nearest fixed surface, or from a named one.
-
-    Raises:
-        ScenarioError: there is none of this name.
-    """
-    surfaces = {
-        each.name: each for world in result.scenario.worlds for each in world.still
-    }
-    if not surfaces or name and name not in surfaces:
-        raise ScenarioError(f"surface = {name!r}: {must_be_one_of(surfaces, name)}")
-    chosen = [surfaces[name]] if name else surfaces.values()
-    # a ball of no size: a float, as a point inside counts to the nearest face alone
-    return reduce(minimum, [-each.depth(place, 0.0, 0.0)[0] for each in chosen])
 
 
 def _squares(vector: Vec3) -> Scalar:

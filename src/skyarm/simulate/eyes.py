@@ -370,7 +370,7 @@ class Eyes:
         poses: Poses,
         ticks: IntArray,
         keys: Sequence[IntArray] = (),
-        numbers: Mapping[str, Array] = MappingProxyType({}),
+        varied: Mapping[str, Array] = MappingProxyType({}),
     ) -> Iterator[Frame]:
         """Pictures at N instants, in pieces, so that memory does not grow with N."""
         scenario = self._scenario
@@ -381,14 +381,14 @@ class Eyes:
         times, vehicles, carried = poses
         for begin in range(0, len(times), AT_ONCE):
             part = slice(begin, begin + AT_ONCE)
-            varied = {path: column[part] for path, column in numbers.items()}
+            own = {path: column[part] for path, column in varied.items()}
             R_WB, p_WB = self._world_poses(
                 (
                     times[part],
                     [tuple(each[part] for each in own) for own in vehicles],
                     {each: array[part] for each, array in carried.items()},
                 ),
-                with_numbers(scenario, varied).worlds if varied else self._worlds,
+                with_numbers(scenario, own).worlds if own else self._worlds,
             )
             R_WO = R_WB[:, camera.body] @ R_BO
             p_WO = p_WB[:, camera.body] + (R_WB[:, camera.body] @ p_BO)[..., 0]
