@@ -19,13 +19,13 @@ from skyarm.envs.env_program import EnvProgram
 from skyarm.envs.env_task import LearningTask
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.files import shown
-from skyarm.records.leaves import leaves, rebuild
+from skyarm.records.leaves import rebuild
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import start_draws
 from skyarm.simulate.lane_numbers import checked_array
-from skyarm.simulate.pictures import Pictures
+from skyarm.simulate.pictures import Pictures, cameras_of
 
 AHEAD = 8192
 """Number of episodes, over all lanes, that are made at once; NumPy then takes about a
@@ -173,14 +173,13 @@ class EnvLanes:
         self._carry = self._stepper.carry
         now: Any = rebuild(self.program.first, iter(list(self._carry)))
         self.loop = now.loop
-        self._leaves = leaves(now.loop)
         self.state: State = now.loop.agent.state
         self._depths = {each.sees: each for each in task.observation if each.sees}
-        (agent,) = task.scenario.agents
-        self._pictures = Pictures(task.scenario, {agent: [*self._depths]}, lanes)
+        self._pictures = Pictures(task.scenario, [*self._depths], lanes)
+        cameras = cameras_of(task.scenario)
         self.pictures = {
-            name: np.zeros((lanes, *shape, 1), self.dtype)
-            for name, shape in self._pictures.shapes.items()
+            name: np.zeros((lanes, *cameras[name].shape, 1), self.dtype)
+            for name in self._depths
         }
         self.episodes: Array = np.zeros(lanes, dtype=np.int64)
         self.seeds: Array = np.zeros(lanes, dtype=np.uint64)
@@ -227,17 +226,17 @@ class EnvLanes:
             return
         newest = self._pictures.look(
             self.task.scenario,
-            rebuild(self.loop, (each[lanes].astype(float) for each in self._leaves)),
+            rebuild(self.program.first, iter(self._carry[:, lanes])).loop,
             lanes,
             seeds=self.seeds[lanes],
             episodes=self.episodes[lanes],
-            numbers={
-                path: each[lanes].astype(float) for path, each in self.numbers().items()
-            },
+            numbers=dict(
+                zip(self.program.paths, self._numbers[:, lanes], strict=True)
+            ),
         )
         for (name, image), rows in zip(self.pictures.items(), newest, strict=True):
             shares = self._depths[name].share(rows[:, 1:])
-            image[lanes] = shares.reshape(len(lanes), *image.shape[1:])
+            image[lanes] = shares.reshape(-1, *image.shape[1:])
 
     def view(self, lanes: int | slice, *, copy: bool = True) -> Any:
         """Observation of one lane or of several: the numbers, or a table of them and of

@@ -72,7 +72,7 @@ def healthy(scenario: Scenario, own: AgentLoop, goal: Vec3) -> Scalar:
 
 def _is_fine(ending: Ending, scenario: Scenario, own: AgentLoop, goal: Vec3) -> Scalar:
     """True while one termination condition is not met, by the pictures that it sees."""
-    seen = {"images": images_of(ending.sees, scenario, own)} if ending.sees else {}
+    seen = {"images": images_of(ending.sees, own)} if ending.sees else {}
     return ending.fine(scenario, own.state, goal, 0, **seen)
 
 

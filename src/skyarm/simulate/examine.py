@@ -328,8 +328,8 @@ class UserPart:
         period = scenario.rates.period
         vehicle = agent.vehicle
         speeds = state.rotor_speeds
-        seeing = self.kind in ("law", "ending")
-        images = blank_images(scenario, self.record.sees) if seeing else ()
+        sees = self.record.sees if self.kind in ("law", "ending") else ()
+        images = blank_images(scenario, sees)
         given: Given = {
             "t": t,
             "state": state,

@@ -8,19 +8,29 @@ of its state, which no control period changes.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Iterator, Sequence
+from math import prod
+from typing import Any
 
 import numpy as np
 
 from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.leaves import leaves, rebuild
-from skyarm.scenario.scenario_record import NamedSensor, Scenario
+from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Image
 from skyarm.simulate.loop_state import AgentLoop, LoopState
 
 NEVER = sys.maxsize
 """Number of a control period that never comes."""
+
+
+def cameras_of(scenario: Scenario) -> dict[str, Any]:
+    """Cameras and lidars by the names of :class:`skyarm.simulate.eyes.Eyes`."""
+    return {
+        f"{agent}.{each.name}" if scenario.is_team else each.name: each.sensor
+        for agent, own in scenario.agents.items()
+        for each in own.cameras
+    }
 
 
 def sensors_seen(scenario: Scenario) -> tuple[str, ...]:
@@ -29,52 +39,24 @@ def sensors_seen(scenario: Scenario) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*scenario.agent.controller.sees, *endings)))
 
 
-def images_of(
-    names: tuple[str, ...], scenario: Scenario, own: AgentLoop
-) -> tuple[Image, ...]:
+def images_of(names: Iterable[str], own: AgentLoop) -> tuple[Image, ...]:
     """Newest pictures of some sensors of one vehicle."""
-    if not names:
-        return ()
-    images = dict(zip(sensors_seen(scenario), own.images, strict=True))
-    return tuple(images[name] for name in names)
+    return tuple(e for name in names for e in own.images if e.sensor == name)
 
 
-def blank_images(scenario: Scenario, names: Sequence[str]) -> tuple[Image, ...]:
+def blank_images(scenario: Scenario, names: Iterable[str]) -> tuple[Image, ...]:
     """Example of the pictures of some sensors of one vehicle: 1 m everywhere."""
-    images = []
-    for name in names:
-        rows, columns = _camera(scenario, name).sensor.shape
-        depth = (1.0,) * (rows * columns)
-        images.append(
-            Image(time=0.0, depth=depth, rows=rows, columns=columns, sensor=name)
+    shapes = {name: cameras_of(scenario)[name].shape for name in names}
+    return tuple(
+        Image(
+            time=0.0,
+            depth=(1.0,) * (rows * columns),
+            rows=rows,
+            columns=columns,
+            sensor=name,
         )
-    return tuple(images)
-
-
-def _camera(scenario: Scenario, name: str) -> NamedSensor:
-    return next(each for each in scenario.agent.cameras if each.name == name)
-
-
-class Shutter(NamedTuple):
-    """Clock of a camera in control periods: a picture ``every`` so many, which arrives
-    ``late`` so many later.
-    """
-
-    every: int
-    late: int
-
-    @property
-    def places(self) -> int:
-        """Largest number of pictures on their way, and the one that has arrived."""
-        return -(-self.late // self.every) + 1
-
-    def next(self, tick: int) -> int:
-        """First control period after ``tick`` in which a picture is taken or
-        arrives.
-        """
-        to_come = (tick, tick - self.late)
-        taken, arrived = ((each // self.every + 1) * self.every for each in to_come)
-        return min(taken, self.late + arrived)
+        for name, (rows, columns) in shapes.items()
+    )
 
 
 class Pictures:
@@ -82,39 +64,40 @@ class Pictures:
 
     Args:
         scenario: scenario of the flights.
-        seen: names of the cameras that are looked through, of each vehicle.
+        names: names of the cameras (:func:`cameras_of`).
         lanes: number of flights.
 
     Attributes:
-        shapes: numbers of rows and columns by the name that :class:`Eyes` has.
         taken: time and depths (places, lanes, 1 + pixels) of the pictures on their way
-            and of the newest; NaN before the first.
+            and of the newest, by camera; NaN before the first.
     """
 
     def __init__(
-        self, scenario: Scenario, seen: Mapping[str, Sequence[str]], lanes: int = 1
+        self, scenario: Scenario, names: Sequence[str], lanes: int = 1
     ) -> None:
         self._scenario: Scenario | None = None
-        self._shutters = dict[str, Shutter]()
-        self.shapes = dict[str, tuple[int, int]]()
+        self._clocks = dict[str, tuple[int, int]]()
         self.taken = dict[str, Array]()
-        rate = scenario.rates.control
-        for agent, names in seen.items():
-            for each in names:
-                sensor: Any = _camera(scenario.of(agent), each).sensor
-                name = f"{agent}.{each}" if scenario.is_team else each
-                shutter = Shutter(
-                    round(rate / sensor.frequency), round(sensor.latency * rate)
-                )
-                self._shutters[name], self.shapes[name] = shutter, sensor.shape
-                size = 1 + sensor.shape[0] * sensor.shape[1]
-                self.taken[name] = np.full((shutter.places, lanes, size), np.nan)
+        cameras, rate = cameras_of(scenario), scenario.rates.control
+        for name in names:
+            sensor = cameras[name]
+            every, late = round(rate / sensor.frequency), round(sensor.latency * rate)
+            self._clocks[name] = every, late
+            size = -(-late // every) + 1, lanes, 1 + prod(sensor.shape)
+            self.taken[name] = np.full(size, np.nan)
 
     def next(self, tick: int) -> int:
         """First control period after ``tick`` in which a picture is taken or
         arrives.
         """
-        return min((each.next(tick) for each in self._shutters.values()), default=NEVER)
+        return min(
+            (
+                ((tick - delay) // every + 1) * every + delay
+                for every, late in self._clocks.values()
+                for delay in (0, late)
+            ),
+            default=NEVER,
+        )
 
     def look(
         self, scenario: Scenario, now: LoopState, lanes: AnyArray, **own: Any
@@ -126,16 +109,16 @@ class Pictures:
             scenario: scenario that flies now.
             now: state of the loop, its scalars (m,).
             lanes: (m,) numbers of the flights.
-            own: numbers and keys of these (:meth:`Eyes.lane_depths`).
+            own: numbers and keys of these, as of ``Eyes.lane_depths``.
         """
         # most flights see nothing, so the module is loaded by those that do
         from skyarm.simulate.eyes import Eyes
 
-        if self._shutters and scenario is not self._scenario:
+        if scenario is not self._scenario:
             self._scenario, self._eyes = scenario, Eyes(scenario)
-        ticks = np.asarray(now.ticks, float).astype(int)
+        ticks = np.asarray(now.ticks).astype(int)
         times = ticks / scenario.rates.control
-        for name, (every, late) in self._shutters.items():
+        for name, (every, late) in self._clocks.items():
             taken = self.taken[name]
             # one that begins, or sees from now on, has this picture in all places
             fresh = np.isnan(taken[0, lanes, 0])
@@ -155,18 +138,22 @@ class FlightPictures(Pictures):
     """
 
     def __init__(self, scenario: Scenario, example: LoopState) -> None:
-        each = {name: sensors_seen(scenario.of(name)) for name in scenario.agents}
-        super().__init__(scenario, each)
         self._example = example
         # floats, as an int would be structure
         numbers = rebuild(example, map(float, range(len(leaves(example)))))
-        images = (image for own in numbers.agents for image in own.images)
-        self._places = [np.array(leaves(image), int) for image in images]
+        self._places = {
+            f"{agent}.{image.sensor}" if scenario.is_team else image.sensor: (
+                np.array(leaves(image), int)
+            )
+            for agent, own in zip(scenario.agents, numbers.agents, strict=True)
+            for image in own.images
+        }
+        super().__init__(scenario, [*self._places])
 
     def write(self, scenario: Scenario, carry: Array) -> None:
         """Write the newest pictures into the numbers of the loop's state."""
         if self._places:
             now = rebuild(self._example, iter(carry[:, None]))
             newest = self.look(scenario, now, np.zeros(1, int))
-            for place, row in zip(self._places, newest, strict=True):
+            for place, row in zip(self._places.values(), newest, strict=True):
                 carry[place] = row[0]

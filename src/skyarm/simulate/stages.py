@@ -557,7 +557,7 @@ class AgentStages:
 
     def with_images(self, measurement: Measurement, own: AgentLoop) -> Measurement:
         """Measurement with the newest pictures that the law sees; the log has none."""
-        images = images_of(self.scenario.agent.controller.sees, self.scenario, own)
+        images = images_of(self.scenario.agent.controller.sees, own)
         return replace(measurement, images=images) if images else measurement
 
     def decide(
