@@ -1,4 +1,4 @@
-"""Rays against MuJoCo's, from outside and from within; culling, hulls, holes, NumPy."""
+"""Rays against MuJoCo's, from outside and from within; planes, holes, many worlds."""
 
 from __future__ import annotations
 
@@ -106,28 +106,6 @@ def views(rng, ours, worlds):
     return tuple(map(np.concatenate, zip(*poses, strict=True)))
 
 
-@pytest.mark.parametrize("spread", [0.02, 1.0, 20.0])
-def test_rays_that_are_left_out_meet_nothing(monkeypatch, spread):
-    """Groups of neighbouring rays, narrow and all around."""
-    rng = np.random.default_rng(5)
-    model, data = random_model(rng, 20)
-    ways = np.array([0.0, 0.0, 1.0]) + spread * rng.uniform(-1.0, 1.0, (333, 3))
-    ours = Ours(model, data, ways[np.lexsort(ways.T)])
-    poses = views(rng, ours, 8)
-    some = ours.caster.cast(*poses)
-    near = RayCaster._near
-    shares = []
-
-    def everywhere(self, *given):
-        shares.append(near(self, *given).mean())
-        return np.ones_like(near(self, *given))
-
-    monkeypatch.setattr(RayCaster, "_near", everywhere)
-    for one, other in zip(some, ours.caster.cast(*poses), strict=True):
-        np.testing.assert_array_equal(one, other)
-    assert shares[0] < (0.6 if spread < 10.0 else 1.0)
-
-
 def test_many_worlds_at_once_are_the_same_as_one_by_one():
     rng = np.random.default_rng(6)
     model, data = random_model(rng, 20)
@@ -144,19 +122,20 @@ def test_places_and_turns_of_shapes_on_their_body_count():
     """Oracle: the same shapes, each on a body of its own."""
     rng = np.random.default_rng(7)
     model, data = random_model(rng, 10)
-    ours = Ours(model, data, unit_rows(rng, 200))
+    ways = unit_rows(rng, 200)
+    ours = Ours(model, data, ways)
     parts = [
         Part(surface_of(model, i), Mat3.from_numbers(R.tolist()), Vec3(*map(float, p)))
         for i, (R, p) in enumerate(zip(ours.turns, ours.places, strict=True))
     ]
-    world = RayCaster(ours.caster._rays.T, np.zeros(len(parts), int), parts)
+    world = RayCaster(ways, np.zeros(len(parts), int), parts)
     eye = rng.uniform(-3.0, 3.0, 3)
     for one, other in zip(
         world.cast(np.eye(3)[None, None], eye[None, None]),
         ours.caster.cast(*ours.poses(eye)),
         strict=True,
     ):
-        np.testing.assert_allclose(one[:, :200], other, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)
 
 
 def test_a_sensor_without_anything_to_see_sees_nothing():

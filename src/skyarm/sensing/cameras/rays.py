@@ -12,18 +12,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import reduce
+from typing import Any
 
 from skyarm.algebra import Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import (
     absolute,
     divide,
     logical_and,
+    logical_or,
     maximum,
     minimum,
     sqrt,
     where,
 )
-from skyarm.compile.tracing.lower import repeat
+from skyarm.compile.tracing.lower import compiled_once, compute_where, repeat
 from skyarm.records.immutable import positional
 from skyarm.world.contact.surface import from_plate
 
@@ -40,9 +42,6 @@ SIZES = 5
 Interval = tuple[Scalar, Scalar]
 """First and last t of a ray in a convex shape."""
 
-Hit = tuple[Scalar, Scalar]
-"""Depth of the nearest shape so far, and its number."""
-
 
 @positional
 class ShapeRow:
@@ -50,14 +49,26 @@ class ShapeRow:
 
     Attributes:
         rotation, eye: axes of the sensor and its place (m) in those of the shape.
-        size: sizes (m); of a face first 1 if it is the first of its hull.
+        middle, left: middle of a ball about the shape, optical axes (m), and its
+            distance squared less its radius squared (m^2); negative from within.
+        size: sizes (m). kind: index among the kinds of the program.
+        first: 1 for a shape and the first face of a hull.
         number: of the shape, from 1 on; of a face 0 but for the last of its hull.
     """
 
     rotation: Mat3
     eye: Vec3
+    middle: Vec3
+    left: Scalar
     size: Scalars
+    kind: Scalar
+    first: Scalar
     number: Scalar
+
+
+Sight = tuple[Scalar, Scalar, Scalar, Scalar]
+"""Depth of the nearest shape so far, its number, and the interval of a ray in the faces
+so far of a hull."""
 
 
 def _both(one: Interval, other: Interval) -> Interval:
@@ -111,7 +122,7 @@ def _capsule(p: Vec3, d: Vec3, size: Scalars) -> Interval:
 def _plane(p: Vec3, d: Vec3, size: Scalars) -> Interval:
     # it has no other side
     met = logical_and(p.z >= 0.0, d.z < -TINY)
-    return where(met, -divide(p.z, d.z), math.inf), -math.inf
+    return where(met, -divide(p.z, d.z), math.inf), math.inf
 
 
 def _hole(p: Vec3, d: Vec3, size: Scalars) -> Interval:
@@ -128,7 +139,14 @@ def _hole(p: Vec3, d: Vec3, size: Scalars) -> Interval:
         return t + away * pace, where(on, 1.0, 0.0)
 
     t, _ = repeat(STEPS, step, (0.0 * pace, 1.0), until=1)
-    return where(t < reach * pace, t, math.inf), -math.inf
+    return where(t < reach * pace, t, math.inf), math.inf
+
+
+def _face(p: Vec3, d: Vec3, size: Scalars) -> Interval:
+    """Interval of a ray below a face of a hull."""
+    t = -divide(p.z, where(absolute(d.z) < TINY, TINY, d.z))
+    falls = d.z < 0.0
+    return where(falls, t, -math.inf), where(falls, math.inf, t)
 
 
 MEETING: dict[str, Callable[[Vec3, Vec3, Scalars], Interval]] = {
@@ -138,43 +156,50 @@ MEETING: dict[str, Callable[[Vec3, Vec3, Scalars], Interval]] = {
     "capsule": _capsule,
     "plane": _plane,
     "hole": _hole,
+    "hull": _face,
 }
-"""Interval of a ray in each shape but a hull, from origin, direction and sizes."""
+"""Interval of a ray in each shape, from origin, direction and sizes."""
 
 
-def _nearer(hit: Hit, met: Interval, number: Scalar) -> Hit:
-    """Nearest of what was hit and of a shape's interval; from within, its far side."""
-    near, far = met
-    t = where(near >= 0.0, near, far)
-    closer = logical_and(t >= 0.0, t < hit[0])
-    return where(closer, t, hit[0]), where(closer, number, hit[1])
+def meet(kinds: Sequence[str]) -> Callable[..., tuple[Sight, tuple[()]]]:
+    """Step of a traced loop whose lanes are rays and whose rows are shapes of some
+    kinds.
 
-
-def meet_shape(shape: str) -> Callable[..., tuple[Hit, tuple[()]]]:
-    """Step of a traced loop, whose rows are shapes of one kind and whose lanes are
-    rays.
+    Rays that pass by a ball about the shape are left out at once.
     """
 
-    def step(hit: Hit, ray: Vec3, row: ShapeRow, _: object) -> tuple[Hit, tuple[()]]:
-        met = MEETING[shape](row.eye, row.rotation.apply(ray), row.size)
-        return _nearer(hit, met, row.number), ()
+    def nearer(record: tuple[Sight, Vec3, ShapeRow]) -> Sight:
+        return _nearer(*record, kinds)
+
+    def step(sight: Sight, ray: Vec3, row: ShapeRow, _: object) -> Any:
+        along = row.middle.dot(ray)
+        ahead = logical_and(along >= 0.0, along * along >= row.left * ray.dot(ray))
+        return compute_where(
+            logical_or(row.left <= 0.0, ahead),
+            lambda both: compiled_once(("rays", kinds), nearer, (*both, row)),
+            (sight, ray),
+            sight,
+        ), ()
 
     return step
 
 
-def meet_face(
-    carry: tuple[Hit, Interval], ray: Vec3, row: ShapeRow, _: object
-) -> tuple[tuple[Hit, Interval], tuple[()]]:
-    """Step of a traced loop, whose rows are faces of hulls and whose lanes are rays."""
-    hit, (near, far) = carry
-    begins = row.size[0] > 0.5
-    near, far = where(begins, -math.inf, near), where(begins, math.inf, far)
-    fall = row.rotation.r2.dot(ray)
-    t = -divide(row.eye.z, where(absolute(fall) < TINY, TINY, fall))
-    near = where(fall < 0.0, maximum(near, t), near)
-    far = where(fall < 0.0, far, minimum(far, t))
-    whole = where(near <= far, near, math.inf), where(near <= far, far, -math.inf)
-    ends = row.number > 0.5
-    both = zip(_nearer(hit, whole, row.number), hit, strict=True)
-    depth, number = (where(ends, new, old) for new, old in both)
-    return ((depth, number), (near, far)), ()
+def _nearer(sight: Sight, ray: Vec3, row: ShapeRow, kinds: Sequence[str]) -> Sight:
+    """Nearest of what was met before and a shape; from within it, its far side."""
+    depth, number, near, far = sight
+    way = row.eye, row.rotation.apply(ray), row.size
+    met: Interval = (0.0, 0.0)
+    for i, kind in enumerate(kinds):
+
+        def meeting(way: tuple[Vec3, Vec3, Scalars], kind: str = kind) -> Interval:
+            return compiled_once(("ray", kind), lambda w: MEETING[kind](*w), way)
+
+        met = compute_where(absolute(row.kind - i) < 0.5, meeting, way, met)
+    begins = row.first > 0.5
+    near = maximum(met[0], where(begins, -math.inf, near))
+    far = minimum(met[1], where(begins, math.inf, far))
+    t = where(near >= 0.0, near, far)
+    closer = logical_and(
+        logical_and(near <= far, row.number > 0.5), logical_and(t >= 0.0, t < depth)
+    )
+    return where(closer, t, depth), where(closer, row.number, number), near, far
