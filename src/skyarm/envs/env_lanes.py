@@ -228,8 +228,7 @@ class EnvLanes:
             self.task.scenario,
             rebuild(self.program.first, iter(self._carry[:, lanes])).loop,
             lanes,
-            seeds=self.seeds[lanes],
-            episodes=self.episodes[lanes],
+            keys=(self.seeds[lanes], self.episodes[lanes]),
             numbers=dict(
                 zip(self.program.paths, self._numbers[:, lanes], strict=True)
             ),

@@ -242,7 +242,7 @@ class Eyes:
             tick: number of the period, which numbers the picture's noise.
         """
         poses = self._poses_in(now, np.array([time]))
-        return next(self._frames(name, poses, np.array([tick])))
+        return next(self._frames(name, poses, tick, self._keys))
 
     def frames(self, name: str, log: Log) -> Iterator[Frame]:
         """Pictures of a flight from its log, one at a time, when the sensor is due."""
@@ -254,7 +254,7 @@ class Eyes:
         ]
         carried = {each: log.component(each)[rows] for each in CARRIED}
         poses = log.time[rows], vehicles, carried
-        return self._frames(name, poses, ticks[rows])
+        return self._frames(name, poses, ticks[rows], self._keys)
 
     def depths(
         self,
@@ -275,7 +275,9 @@ class Eyes:
         """
         now = rebuild(self._structure, iter(loop_leaves))
         times = np.broadcast_to(time, loop_leaves.shape[1])
-        return self.lane_depths(name, now, times, tick, episodes=episodes)
+        seed, episode = self._keys
+        keys = seed, episode if episodes is None else episodes
+        return self.lane_depths(name, now, times, tick, keys=keys)
 
     def lane_depths(
         self,
@@ -284,32 +286,26 @@ class Eyes:
         times: Array,
         ticks: ArrayLike,
         *,
-        seeds: ArrayLike | None = None,
-        episodes: ArrayLike | None = None,
+        keys: Sequence[ArrayLike] = (),
         numbers: Mapping[str, Array] = MappingProxyType({}),
     ) -> Array:
-        """Depths (lanes, rows, columns) of many flights that differ in numbers and
-        keys.
+        """Depths (lanes, rows, columns) of flights that differ in numbers and keys.
 
         Args:
             name: name of the sensor.
             now: state of the loop, its scalars (lanes,).
-            times: (lanes,) s.
-            ticks: numbers of the control periods, one or (lanes,).
-            seeds, episodes: (lanes,) keys of the noise; the scenario's if left out.
+            times: (lanes,) s. ticks: numbers of the control periods.
+            keys: seeds and episodes of the noise; the scenario's if left out.
             numbers: path -> (lanes,) numbers of the scenario, such as the place of a
                 surface.
         """
-        scenario = self._scenario
-        seeds = scenario.seed if seeds is None else seeds
-        episodes = scenario.episode if episodes is None else episodes
-        counts, *keys = (
-            np.broadcast_to(each, len(times)).astype(int)
-            for each in (ticks, seeds, episodes)
-        )
         poses = self._poses_in(now, times)
-        frames = self._frames(name, poses, counts, keys, numbers)
+        frames = self._frames(name, poses, ticks, keys or self._keys, numbers)
         return np.stack([each.depth for each in frames])
+
+    @property
+    def _keys(self) -> tuple[int, int]:
+        return self._scenario.seed, self._scenario.episode
 
     @cached_property
     def _structure(self) -> LoopState:
@@ -368,17 +364,17 @@ class Eyes:
         self,
         name: str,
         poses: Poses,
-        ticks: IntArray,
-        keys: Sequence[IntArray] = (),
+        ticks: ArrayLike,
+        keys: Sequence[ArrayLike],
         varied: Mapping[str, Array] = MappingProxyType({}),
     ) -> Iterator[Frame]:
         """Pictures at N instants, in pieces, so that memory does not grow with N."""
-        scenario = self._scenario
         camera = self._camera(name)
         sensor = camera.sensor
         R_BO = matrices(sensor.rotation, 1)[0]
         p_BO = float_array(sensor.position)[:, None]
         times, vehicles, carried = poses
+        at = np.array([np.full(len(times), each) for each in (ticks, *keys)], int)
         for begin in range(0, len(times), AT_ONCE):
             part = slice(begin, begin + AT_ONCE)
             own = {path: column[part] for path, column in varied.items()}
@@ -388,7 +384,7 @@ class Eyes:
                     [tuple(each[part] for each in own) for own in vehicles],
                     {each: array[part] for each, array in carried.items()},
                 ),
-                with_numbers(scenario, own).worlds if own else self._worlds,
+                with_numbers(self._scenario, own).worlds if own else self._worlds,
             )
             R_WO = R_WB[:, camera.body] @ R_BO
             p_WO = p_WB[:, camera.body] + (R_WB[:, camera.body] @ p_BO)[..., 0]
@@ -400,11 +396,12 @@ class Eyes:
             for i, distance in enumerate(distances):
                 noise = np.zeros(0)
                 if sensor.noise.any:
-                    at = [each[begin + i] for each in keys]
+                    tick, seed, episode = at[:, begin + i]
                     noise = normal(
-                        *(at or (scenario.seed, scenario.episode)),
+                        seed,
+                        episode,
                         camera.channel,
-                        ticks[begin + i] // camera.every,
+                        tick // camera.every,
                         distance.size,
                     ).reshape(sensor.shape)
                 yield Frame(
