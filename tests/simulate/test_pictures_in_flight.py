@@ -186,9 +186,7 @@ def test_members_of_a_team_see_each_other(tmp_path):
                 "base": {"kind": "hover", "position": [x, 0.0, 1.0]},
                 "yaw": yaw,
             },
-            "sensors": {
-                "front": {"kind": "depth_camera", "width": 3, "height": 3}
-            },
+            "sensors": {"front": {"kind": "depth_camera", "width": 3, "height": 3}},
         }
 
     team = scenario_from(

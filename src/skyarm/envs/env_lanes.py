@@ -229,9 +229,7 @@ class EnvLanes:
             rebuild(self.program.first, iter(self._carry[:, lanes])).loop,
             lanes,
             keys=(self.seeds[lanes], self.episodes[lanes]),
-            numbers=dict(
-                zip(self.program.paths, self._numbers[:, lanes], strict=True)
-            ),
+            numbers=dict(zip(self.program.paths, self._numbers[:, lanes], strict=True)),
         )
         for (name, image), rows in zip(self.pictures.items(), newest, strict=True):
             shares = self._depths[name].share(rows[:, 1:])

@@ -138,7 +138,9 @@ def _require_sensors(
     free = {each.name for each in flown.agent.cameras} - {"state"}
     for name in (each.sees for each in seen if each.sees):
         if name not in free:
-            allowed = f"a camera, each once, here of {', '.join(sorted(free)) or 'none'}"
+            allowed = (
+                f"a camera, each once, here of {', '.join(sorted(free)) or 'none'}"
+            )
             raise ScenarioError(f"observation: sensor = {name!r}: must be {allowed}")
         free -= {name}
         for path in filter(SHAPING.search, paths):
