@@ -125,7 +125,7 @@ def make_task(
     )
 
 
-SHAPING = re.compile(r"\.(size|vertices|collisions|joint\.(position|axis))\b")
+SHAPING = re.compile(r"\.(size|angles|vertices|collisions|joint\.(position|axis))\b")
 """Paths of numbers that change what a camera sees, but for poses."""
 
 
@@ -146,7 +146,7 @@ def _require_sensors(
         for path in filter(SHAPING.search, paths):
             raise ScenarioError(
                 f"randomise: path = {path!r}: must not vary where {name!r} is observed,"
-                " which sees the scenario's shapes; their positions and angles may"
+                " which sees the scenario's shapes; their positions may"
             )
     require_no_pictures(flown, "an environment")
 

@@ -43,6 +43,11 @@ WIDEST = 3.0
 Range = tuple[Scalar, Scalar]
 
 
+def body_names(vehicle: Vehicle) -> list[str]:
+    """Names of a vehicle's bodies: base, then the links."""
+    return [BASE_NAME, *(each.name for each in vehicle.moving)]
+
+
 @immutable
 @checked("")
 class DepthNoise:
@@ -154,7 +159,7 @@ class RaySensor(Sensor):
         Raises:
             RecordError: the vehicle has no such link.
         """
-        names = [BASE_NAME, *(each.name for each in vehicle.moving)]
+        names = body_names(vehicle)
         if self.link not in names:
             refuse("link", self.link, must_be_one_of(names, self.link))
         return names.index(self.link) + BASE

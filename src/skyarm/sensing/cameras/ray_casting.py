@@ -61,27 +61,32 @@ def _rows(part: Part, kind: int, number: int) -> Iterator[list[float]]:
 class RayCaster:
     """Rays of one sensor, and the shapes that they may meet.
 
-    Args:
-        directions: (rays, 3), optical axes.
+    Attributes:
+        directions: (rows, columns, 3), optical axes.
         owners: number of the body of each shape.
         parts: shapes in their bodies' axes, with concrete numbers.
     """
 
     def __init__(
-        self, directions: Array, owners: IntArray, parts: Sequence[Part]
+        self, directions: Array, owners: Sequence[int], parts: Sequence[Part]
     ) -> None:
+        self.directions = directions
+        self.owners = owners
+        self.parts = parts
         kinds = tuple(sorted({each.shape.shape for each in parts}))
         self._kernel = _kernel(kinds)
-        self._count = len(directions)
-        padding = ((0, -self._count % self._kernel.lanes.width), (0, 0))
-        self._rays = np.ascontiguousarray(np.pad(directions, padding, mode="edge").T)
+        flat = directions.reshape(-1, 3)
+        self._count = len(flat)
+        padding = ((0, -len(flat) % self._kernel.lanes.width), (0, 0))
+        self._rays = np.ascontiguousarray(np.pad(flat, padding, mode="edge").T)
         rows = [
-            (owner, row)
+            [*row, owner]
             for i, (owner, part) in enumerate(zip(owners, parts, strict=True))
             for row in _rows(part, kinds.index(part.shape.shape), i + 1)
         ]
-        self._owners = np.array([owner for owner, _ in rows], int)
-        self._rows = doubles([row for _, row in rows]).reshape(-1, WIDTH)
+        table = doubles(rows).reshape(-1, WIDTH + 1)
+        self._rows = table[:, :-1]
+        self._owners = table[:, -1].astype(int)
 
     def cast(self, rotations: Array, eyes: Array) -> tuple[Array, IntArray]:
         """Meet all rays with all shapes.
@@ -91,8 +96,8 @@ class RayCaster:
             eyes: (worlds, bodies, 3) m, the sensor's place in these.
 
         Returns:
-            Depth (worlds, rays) of the nearest hit, infinite without one, and number of
-            its shape from 1 on, 0 without one.
+            Depth (worlds, rows, columns) of the nearest hit, infinite without one, and
+            number of its shape from 1 on, 0 without one.
         """
         rows = np.tile(self._rows, (len(eyes), 1, 1))
         R_BO, eye = rotations[:, self._owners], eyes[:, self._owners]
@@ -107,10 +112,13 @@ class RayCaster:
         sights[:, 0] = np.inf
         blocks = lanes // self._kernel.lanes.width
         for sight, own in zip(sights, rows, strict=True):
-            arrays = [
-                each.ctypes.data for each in (sight, self._rays, own, sight, sight)
-            ]
-            self._kernel.machine.call(
-                Arguments(*arrays, 0, blocks, 0, len(own), 0, lanes, 1)
-            )
-        return sights[:, 0, : self._count], sights[:, 1, : self._count].astype(int)
+            # there are neither a log nor random numbers
+            arrays = sight, self._rays, own, sight, sight
+            places = [each.ctypes.data for each in arrays]
+            given = Arguments(*places, 0, blocks, 0, len(own), 0, lanes, 1)
+            self._kernel.machine.call(given)
+        found = sights[:, :2, : self._count]
+        depths, numbers = found.reshape(-1, 2, *self.directions.shape[:-1]).swapaxes(
+            0, 1
+        )
+        return depths, numbers.astype(int)
