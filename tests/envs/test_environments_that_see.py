@@ -5,6 +5,8 @@ policy that flies on what it saw.
 from __future__ import annotations
 
 import dataclasses
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -158,3 +160,17 @@ def test_what_cannot_be_seen_or_drawn_is_one_line(given, words):
     with pytest.raises(ScenarioError, match=words) as error:
         Environment(**arguments(**given))
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("task", ["ReachWhatTheWristSees", "FlyThroughWindow"])
+def test_the_example_learns_in_miniature(task, monkeypatch, capsys):
+    source = (
+        Path(__file__).resolve().parents[2] / "examples" / "learn_to_see.py"
+    ).read_text("utf-8")
+    monkeypatch.setattr("sys.argv", ["learn_to_see.py", task, "2", "1", "8"])
+    exec(compile(source, "learn_to_see.py", "exec"), {"__name__": "__main__"})
+    teacher, student, law = capsys.readouterr().out.splitlines()
+    assert teacher.startswith("teacher, from states: ")
+    assert student.startswith("student, from depth, round 0: ")
+    assert re.fullmatch(r"student sees (wrist|front) \w+", law)

@@ -25,6 +25,7 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import start_draws
 from skyarm.simulate.lane_numbers import checked_array
+from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.pictures import Pictures, cameras_of
 
 AHEAD = 8192
@@ -224,13 +225,17 @@ class EnvLanes:
         """Show the pictures that have arrived in some lanes."""
         if not self.pictures:
             return
-        newest = self._pictures.look(
-            self.task.scenario,
-            rebuild(self.program.first, iter(self._carry[:, lanes])).loop,
-            lanes,
-            keys=(self.seeds[lanes], self.episodes[lanes]),
-            numbers=dict(zip(self.program.paths, self._numbers[:, lanes], strict=True)),
-        )
+
+        def present(some: Array) -> tuple[LoopState, dict[str, Any]]:
+            numbers = zip(self.program.paths, self._numbers[:, some], strict=True)
+            keys = self.seeds[some], self.episodes[some]
+            return (
+                rebuild(self.loop, iter(self._carry[:, some])),
+                {"keys": keys, "numbers": dict(numbers)},
+            )
+
+        ticks = np.asarray(self.loop.ticks)[lanes].astype(int)
+        newest = self._pictures.look(self.task.scenario, ticks, lanes, present)
         for (name, image), rows in zip(self.pictures.items(), newest, strict=True):
             shares = self._depths[name].share(rows[:, 1:])
             image[lanes] = shares.reshape(-1, *image.shape[1:])

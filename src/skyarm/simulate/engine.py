@@ -553,7 +553,7 @@ class Engine:
 
     def _look(self) -> None:
         """Take the pictures of this instant that a law or an ending sees."""
-        self._pictures.write(self.scenario, self._stepper.carry)
+        self._pictures.write(self.scenario, self.tick, self._stepper.carry)
 
     def _reason(self, *, lost: bool) -> Ended | None:
         """Status, cause and time of the flight's early termination; None after its full
@@ -634,8 +634,9 @@ class Engine:
 
     @property
     def has_nan(self) -> bool:
-        """True if a number of the loop's state is NaN."""
-        return bool(np.isnan(self._stepper.carry).any())
+        """True if a number of the loop's state is NaN, apart from lost pixels."""
+        carry = self._stepper.carry
+        return bool(np.isnan(np.delete(carry, self._pictures.pixels)).any())
 
     def evaluate(self, now: LoopState) -> LoopState:
         """Evaluate one control period in Python floats from a given closed-loop state;

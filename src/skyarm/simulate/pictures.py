@@ -8,7 +8,7 @@ of its state, which no control period changes.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from math import prod
 from typing import Any
 
@@ -19,6 +19,8 @@ from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Image
 from skyarm.simulate.loop_state import AgentLoop, LoopState
+
+Present = Callable[[AnyArray], tuple[LoopState, dict[str, Any]]]
 
 NEVER = sys.maxsize
 """Number of a control period that never comes."""
@@ -100,33 +102,36 @@ class Pictures:
         )
 
     def look(
-        self, scenario: Scenario, now: LoopState, lanes: AnyArray, **own: Any
+        self, scenario: Scenario, ticks: AnyArray, lanes: AnyArray, present: Present
     ) -> Iterator[Array]:
         """Take the pictures of this instant; give time and depths (m, 1 + pixels) of
         the newest that has arrived, of each camera.
 
         Args:
             scenario: scenario that flies now.
-            now: state of the loop, its scalars (m,).
+            ticks: (m,) numbers of the control periods.
             lanes: (m,) numbers of the flights.
-            own: numbers and keys of these, as of ``Eyes.lane_depths``.
+            present: function from numbers of flights to the state of their loops, and
+                to their numbers and keys (``Eyes.lane_depths``).
         """
         # most flights see nothing, so the module is loaded by those that do
         from skyarm.simulate.eyes import Eyes
 
         if scenario is not self._scenario:
             self._scenario, self._eyes = scenario, Eyes(scenario)
-        ticks = np.asarray(now.ticks).astype(int)
-        times = ticks / scenario.rates.control
         for name, (every, late) in self._clocks.items():
             taken = self.taken[name]
             # one that begins, or sees from now on, has this picture in all places
             fresh = np.isnan(taken[0, lanes, 0])
-            if (due := fresh | (ticks % every == 0)).any():
-                depths = self._eyes.lane_depths(name, now, times, ticks, **own)
-                rows = np.hstack([times[:, None], depths.reshape(len(ticks), -1)])
-                taken[:, lanes[fresh]] = rows[fresh]
-                taken[ticks[due] // every % len(taken), lanes[due]] = rows[due]
+            due = fresh | (ticks % every == 0)
+            if due.any():
+                now, own = present(lanes[due])
+                counts = ticks[due]
+                times = counts / scenario.rates.control
+                depths = self._eyes.lane_depths(name, now, times, counts, **own)
+                rows = np.hstack([times[:, None], depths.reshape(len(times), -1)])
+                taken[:, lanes[fresh]] = rows[fresh[due]]
+                taken[counts // every % len(taken), lanes[due]] = rows
             yield taken[(ticks - late) // every % len(taken), lanes]
 
 
@@ -135,6 +140,9 @@ class FlightPictures(Pictures):
 
     Args:
         scenario: scenario of the flight. example: state of its loop.
+
+    Attributes:
+        pixels: places of pictures among the numbers of the loop's state.
     """
 
     def __init__(self, scenario: Scenario, example: LoopState) -> None:
@@ -148,12 +156,17 @@ class FlightPictures(Pictures):
             for agent, own in zip(scenario.agents, numbers.agents, strict=True)
             for image in own.images
         }
+        self.pixels = [i for place in self._places.values() for i in place]
         super().__init__(scenario, [*self._places])
 
-    def write(self, scenario: Scenario, carry: Array) -> None:
+    def write(self, scenario: Scenario, tick: int, carry: Array) -> None:
         """Write the newest pictures into the numbers of the loop's state."""
         if self._places:
-            now = rebuild(self._example, iter(carry[:, None]))
-            newest = self.look(scenario, now, np.zeros(1, int))
+            newest = self.look(
+                scenario,
+                np.array([tick]),
+                np.zeros(1, int),
+                lambda _: (rebuild(self._example, iter(carry[:, None])), {}),
+            )
             for place, row in zip(self._places.values(), newest, strict=True):
                 carry[place] = row[0]
