@@ -247,7 +247,7 @@ class Depth(Observed):
         return self.sensor
 
     def numbers(self, sight: Sight) -> Sequence[Scalar]:
-        """The pixels, row by row, of a law's measurement; that of an environment has
+        """Pixels, row by row, of a law's measurement; that of an environment has
         none, as its pictures stand beside the vector.
         """
         return [
