@@ -152,9 +152,8 @@ class Environment(gymnasium.Env[Array, Array]):
         held = min(ticks, scenario.steps - 1) // ratio * ratio
         instant = held / scenario.rates.control
         goal = [float(c) for c in scenario.agent.reference.at(instant).position]
-        loop = lanes.loop.agent
-        own = rebuild(loop, iter([float(leaf[0]) for leaf in leaves(loop)]))
-        ended = find_ending(scenario, ticks / scenario.rates.control, own, goal)
+        x = [float(leaf[0]) for leaf in leaves(lanes.state)]
+        ended = find_ending(scenario, ticks / scenario.rates.control, x, goal)
         return {"status": status, "cause": ended.cause if ended else status}
 
     def render(self) -> Pixels | None:

@@ -14,16 +14,18 @@ from skyarm.algebra import Scalar, Vec3
 from skyarm.algebra.scalars import logical_and
 from skyarm.control.law_estimates import observed_push
 from skyarm.dynamics import State
+from skyarm.dynamics.state import example_state
 from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.files.user_code import failure, require_result
 from skyarm.records.immutable import positional
+from skyarm.records.leaves import rebuild
 from skyarm.records.path_names import word_of
 from skyarm.reference.trajectory import failure_words
 from skyarm.scenario.endings import BUILT_IN, PHASE_FAILED, Ending, not_finite
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.loop_state import AgentLoop, Clock
-from skyarm.simulate.pictures import images_of
+from skyarm.simulate.loop_state import Clock
+from skyarm.simulate.pictures import Images, images_of
 
 SLACK = 1e-5
 """Distance (m, rad or 1) inside a limit up to which a lane may be that machine code,
@@ -61,19 +63,25 @@ def endings_of(scenario: Scenario) -> tuple[Ending, ...]:
     return (*BUILT_IN, *scenario.endings)
 
 
-def healthy(scenario: Scenario, own: AgentLoop, goal: Vec3) -> Scalar:
+def healthy(
+    scenario: Scenario, state: State, goal: Vec3, images: Images = ()
+) -> Scalar:
     """True while no termination condition is met; a state with NaN meets one."""
     fine: Scalar = True
     for ending in endings_of(scenario):
         # without slack: these are the bits that decide
-        fine = both_hold(fine, _is_fine(ending, scenario, own, goal))
+        fine = both_hold(fine, _is_fine(ending, scenario, state, goal, images))
     return fine
 
 
-def _is_fine(ending: Ending, scenario: Scenario, own: AgentLoop, goal: Vec3) -> Scalar:
-    """True while one termination condition is not met, by the pictures that it sees."""
-    seen = {"images": images_of(ending.sees, own)} if ending.sees else {}
-    return ending.fine(scenario, own.state, goal, 0, **seen)
+def _is_fine(
+    ending: Ending, scenario: Scenario, state: State, goal: Vec3, images: Images
+) -> Scalar:
+    """True while a termination condition is not met, also by the pictures that it
+    sees.
+    """
+    seen = {"images": images_of(ending.sees, images)} if ending.sees else {}
+    return ending.fine(scenario, state, goal, 0, **seen)
 
 
 def both_hold(a: Scalar, b: Scalar) -> Scalar:
@@ -84,16 +92,21 @@ def both_hold(a: Scalar, b: Scalar) -> Scalar:
 
 
 def find_ending(
-    scenario: Scenario, time: float, own: AgentLoop, goal: Sequence[float]
+    scenario: Scenario,
+    time: float,
+    x: Sequence[float],
+    goal: Sequence[float],
+    images: Images = (),
 ) -> Ended | None:
     """First termination condition that a state meets, as status, cause and time; None
     if it meets none.
     """
+    state = rebuild(example_state(*scenario.agent.vehicle.sizes), iter(x))
     for ending in endings_of(scenario):
         # in the order of the loop: the first ending that is met names the flight's end
-        if not _is_fine(ending, scenario, own, Vec3(*goal)):
+        if not _is_fine(ending, scenario, state, Vec3(*goal), images):
             try:
-                cause = ending.cause(scenario, own.state, Vec3(*goal))
+                cause = ending.cause(scenario, state, Vec3(*goal))
                 require_result(ending.cause, cause, isinstance(cause, str), "a text")
             except Exception as error:  # a flight that has been flown is kept
                 if ending in BUILT_IN:

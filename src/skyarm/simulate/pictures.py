@@ -18,7 +18,9 @@ from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Image
-from skyarm.simulate.loop_state import AgentLoop, LoopState
+from skyarm.simulate.loop_state import LoopState
+
+Images = tuple[Image, ...]
 
 Present = Callable[[AnyArray], tuple[LoopState, dict[str, Any]]]
 
@@ -41,12 +43,12 @@ def sensors_seen(scenario: Scenario) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*scenario.agent.controller.sees, *endings)))
 
 
-def images_of(names: Iterable[str], own: AgentLoop) -> tuple[Image, ...]:
-    """Newest pictures of some sensors of one vehicle."""
-    return tuple(e for name in names for e in own.images if e.sensor == name)
+def images_of(names: Iterable[str], images: Images) -> Images:
+    """Pictures of some sensors, in their order."""
+    return tuple(each for name in names for each in images if each.sensor == name)
 
 
-def blank_images(scenario: Scenario, names: Iterable[str]) -> tuple[Image, ...]:
+def blank_images(scenario: Scenario, names: Iterable[str]) -> Images:
     """Example of the pictures of some sensors of one vehicle: 1 m everywhere."""
     shapes = {name: cameras_of(scenario)[name].shape for name in names}
     return tuple(

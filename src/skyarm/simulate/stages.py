@@ -153,8 +153,9 @@ class Stages:
         """1.0 while no vehicle meets a termination condition, else 0.0."""
         fine: Scalar = now.alive > 0.5
         for each, loop, row in zip(self.agents, now.agents, rows, strict=True):
+            goal = row.reference.position
             fine = logical_and(
-                fine, healthy(each.scenario, loop, row.reference.position)
+                fine, healthy(each.scenario, loop.state, goal, loop.images)
             )
             sound = each.waits.is_sound(loop.clock)
             # without guards the clock is sound for certain: no operation is added
@@ -557,7 +558,7 @@ class AgentStages:
 
     def with_images(self, measurement: Measurement, own: AgentLoop) -> Measurement:
         """Measurement with the newest pictures that the law sees; the log has none."""
-        images = images_of(self.scenario.agent.controller.sees, own)
+        images = images_of(self.scenario.agent.controller.sees, own.images)
         return replace(measurement, images=images) if images else measurement
 
     def decide(
