@@ -14,7 +14,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields, require_fields
 from skyarm.records.files import errors_as
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.leaves import Dataclass, Tree, is_record
 from skyarm.vehicle import Vehicle
 
@@ -65,7 +65,7 @@ class Controller:
     limit: str = ""
     compiled: bool = True
     keeps_tip: bool = False
-    sees: tuple[str, ...] = ()
+    sees: tuple[str, ...] = field_if_any(default=())
 
     def __post_init__(self) -> None:
         with errors_as(ControllerError, of=RecordError):
