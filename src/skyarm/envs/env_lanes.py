@@ -175,7 +175,8 @@ class EnvLanes:
         now: Any = rebuild(self.program.first, iter(list(self._carry)))
         self.loop = now.loop
         self.state: State = now.loop.agent.state
-        self._depths = {each.sees: each for each in task.observation if each.sees}
+        seen = [each for each in task.observation if each.sees]
+        self._depths: dict[str, Any] = {each.sees: each for each in seen}
         self._pictures = Pictures(task.scenario, [*self._depths], lanes)
         cameras = cameras_of(task.scenario)
         self.pictures = {

@@ -125,7 +125,9 @@ def make_task(
     )
 
 
-SHAPING = re.compile(r"\.(size|angles|vertices|collisions|joint\.(position|axis))\b")
+SHAPING = re.compile(
+    r"^world\.mechanisms|\.(size|angles|vertices|collisions|joint\.(position|axis))\b"
+)
 """Paths of numbers that change what a camera sees, but for poses."""
 
 

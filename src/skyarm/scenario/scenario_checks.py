@@ -420,11 +420,10 @@ def sensors_suffice(scenario: Scenario) -> None:
 def pictures_are_taken(scenario: Scenario) -> None:
     """Check that the law and the endings see cameras or lidars of the vehicle."""
     cameras = [each.name for each in scenario.agent.cameras]
-    for where, each in (
-        ("controller", scenario.agent.controller),
-        *((f"endings[{i}]", each) for i, each in enumerate(scenario.endings)),
-    ):
-        for name in each.sees:
+    sees = {"controller": scenario.agent.controller.sees}
+    sees |= {f"endings[{i}]": each.sees for i, each in enumerate(scenario.endings)}
+    for where, names in sees.items():
+        for name in names:
             if name not in cameras:
                 allowed = must_be_one_of(cameras, name) if cameras else "is no camera"
                 raise ValueError(f"{where}: sees = {shown(name)}: {allowed}")

@@ -780,9 +780,9 @@ class Engine:
             memories.append(_carried_memory(law, kept) if self.code.calls else kept)
         self._stepper.carry[:] = leaves(_with_memories(carried, memories))
         taken = self._pictures.taken
-        for name in {*taken} & {*(before := other._pictures.taken)}:
-            if taken[name].shape == before[name].shape:
-                taken[name] = before[name]
+        for name, earlier in other._pictures.taken.items():
+            if name in taken and taken[name].shape == earlier.shape:
+                taken[name] = earlier
         self.begun = other.tick
         self.tick = other.tick
         self.ended = other.ended

@@ -349,8 +349,8 @@ class Eyes:
         count = len(seen.times)
         upright = np.tile(np.eye(3), (count, 1, 1))
         poses = list[tuple[Array, Array]]()
-        for contact, own in zip(self._scenario.worlds, varied.worlds, strict=True):
-            for each, placed in zip(contact.surfaces, own.surfaces, strict=True):
+        for contact, moved in zip(self._scenario.worlds, varied.worlds, strict=True):
+            for each, placed in zip(contact.surfaces, moved.surfaces, strict=True):
                 away = placed.place(seen.times)[0] - each.position
                 poses.append((upright, vectors(away, count)))
             poses += carrier_poses(
