@@ -150,7 +150,7 @@ def test_reward_terms_are_what_they_say(planned):
         "tip_distance": -tip / 2.0,
         "position_near": np.exp(-((base / 2.0) ** 2)),
         "position_distance": -base / 2.0,
-        "touch": np.exp(-touch / 2.0),
+        "surface_near": np.exp(-touch / 2.0),
         "upright": np.cos(ROLL),
         "spin": -5.25 / 4.0,
         "joint_distance": -np.mean([0.1**2, 0.15**2]),
@@ -180,7 +180,7 @@ def test_reward_terms_are_what_they_say(planned):
     touched = dataclasses.replace(
         result, scenario=scenario_from({**document("case3"), "world": on_it})
     )
-    assert float(REWARDS["touch"]().value(touched)) == 1.0
+    assert float(REWARDS["surface_near"]().value(touched)) == 1.0
     going = dataclasses.replace(result, ended=0.0)
     assert (REWARDS["alive"]().value(going), REWARDS["lost"]().value(going)) == (
         1.0,
@@ -193,7 +193,7 @@ def test_a_surface_that_is_not_there_is_named(planned):
     flown = scenario_from({**document("case3"), "world": world})
     words = "surface = 'targt': did you mean 'target'"
     with pytest.raises(ScenarioError, match=words):
-        EnvProgram(make_task(flown, reward=[REWARDS["touch"](surface="targt")]))
+        EnvProgram(make_task(flown, reward=[REWARDS["surface_near"](surface="targt")]))
 
 
 def test_every_scale_has_a_unit_and_every_record_a_sentence():

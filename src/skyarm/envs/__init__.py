@@ -40,9 +40,9 @@ from skyarm.envs.reward_terms import (
     PositionNear,
     RewardTerm,
     Spin,
+    SurfaceNear,
     TipDistance,
     TipNear,
-    Touch,
     Upright,
 )
 
@@ -76,10 +76,10 @@ __all__ = [
     "Sight",
     "SpecificForce",
     "Spin",
+    "SurfaceNear",
     "TipDistance",
     "TipError",
     "TipNear",
-    "Touch",
     "Upright",
     "VelocityError",
     "as_law",

@@ -26,7 +26,7 @@ from skyarm.envs.reward_terms import (
     PositionNear,
     RewardTerm,
     Spin,
-    Touch,
+    SurfaceNear,
     Upright,
 )
 from skyarm.records.files import must_be_one_of, shown
@@ -137,7 +137,7 @@ NAMED: dict[str, NamedTask] = {
         file="reach_what_the_wrist_sees",
         actions=References(position=0.5, angle=0.5),
         reward=(
-            Touch(scale=0.2),
+            SurfaceNear(scale=0.2),
             ActionChange(weight=0.05),
             Lost(weight=10.0),
         ),

@@ -113,7 +113,7 @@ class PositionDistance(RewardTerm):
 
 
 @immutable
-class Touch(RewardTerm):
+class SurfaceNear(RewardTerm):
     """Reward exp(-d / scale) for the tip's distance d from a fixed surface: 1 where it
     touches.
 
@@ -131,7 +131,7 @@ class Touch(RewardTerm):
         }
         if self.surface not in surfaces:
             allowed = must_be_one_of(surfaces, self.surface)
-            raise ScenarioError(f"Touch: surface = {self.surface!r}: {allowed}")
+            raise ScenarioError(f"SurfaceNear: surface = {self.surface!r}: {allowed}")
         state = result.state
         tip = tip_at(result.vehicle, state.position, state.quaternion, state.joints)
         # a radius that is a float: that of an int 0 asks for the nearest face alone
@@ -224,7 +224,7 @@ REWARDS: dict[str, type[RewardTerm]] = {
     "tip_distance": TipDistance,
     "position_near": PositionNear,
     "position_distance": PositionDistance,
-    "touch": Touch,
+    "surface_near": SurfaceNear,
     "upright": Upright,
     "spin": Spin,
     "joint_distance": JointDistance,

@@ -348,7 +348,7 @@ class EngineState:
         begun, tick, ended, from_outside: as of :class:`Engine`.
         carry, parameters: loop state and parameters of the program. table: log so far.
         memories: internal states of laws that are called.
-        pictures: those taken (:class:`skyarm.simulate.pictures.Pictures`).
+        pictures: those taken (:class:`skyarm.simulate.pictures.ArrivingPictures`).
     """
 
     scenario: Scenario

@@ -8,7 +8,7 @@ of its state, which no control period changes.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from math import prod
 from typing import Any
 
@@ -17,10 +17,8 @@ import numpy as np
 from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.sensing.measurement import Image
+from skyarm.simulate.images import cameras_of
 from skyarm.simulate.loop_state import LoopState
-
-Images = tuple[Image, ...]
 
 Present = Callable[[AnyArray], tuple[LoopState, dict[str, Any]]]
 
@@ -28,47 +26,12 @@ NEVER = sys.maxsize
 """Number of a control period that never comes."""
 
 
-def cameras_of(scenario: Scenario) -> dict[str, Any]:
-    """Cameras and lidars by the names of :class:`skyarm.simulate.eyes.Eyes`."""
-    return {
-        f"{agent}.{each.name}" if scenario.is_team else each.name: each.sensor
-        for agent, own in scenario.agents.items()
-        for each in own.cameras
-    }
-
-
-def sensors_seen(scenario: Scenario) -> tuple[str, ...]:
-    """Names of the sensors whose pictures the law or an ending of one vehicle sees."""
-    endings = (name for ending in scenario.endings for name in ending.sees)
-    return tuple(dict.fromkeys((*scenario.agent.controller.sees, *endings)))
-
-
-def images_of(names: Iterable[str], images: Images) -> Images:
-    """Pictures of some sensors, in their order."""
-    return tuple(each for name in names for each in images if each.sensor == name)
-
-
-def blank_images(scenario: Scenario, names: Iterable[str]) -> Images:
-    """Example of the pictures of some sensors of one vehicle: 1 m everywhere."""
-    shapes = {name: cameras_of(scenario)[name].shape for name in names}
-    return tuple(
-        Image(
-            time=0.0,
-            depth=(1.0,) * (rows * columns),
-            rows=rows,
-            columns=columns,
-            sensor=name,
-        )
-        for name, (rows, columns) in shapes.items()
-    )
-
-
-class Pictures:
+class ArrivingPictures:
     """Pictures of some cameras in flights of a scenario, from instant to arrival.
 
     Args:
         scenario: scenario of the flights.
-        names: names of the cameras (:func:`cameras_of`).
+        names: names of the cameras (:func:`skyarm.simulate.images.cameras_of`).
         lanes: number of flights.
 
     Attributes:
@@ -137,7 +100,7 @@ class Pictures:
             yield taken[(ticks - late) // every % len(taken), lanes]
 
 
-class FlightPictures(Pictures):
+class FlightPictures(ArrivingPictures):
     """Pictures that the laws and endings of one flight see.
 
     Args:
