@@ -15,7 +15,6 @@ from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.eyes import Eyes
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run_in_python
-from skyarm.studies.stability.margins import margins
 from support.flights import shared_programs
 
 EVERY, LATE, RATE = 10, 3, 100
@@ -163,7 +162,7 @@ def test_what_has_no_pictures_says_so():
     with pytest.raises(ControllerError, match=re.escape(words)):
         skyarm.Batch(flight())
     with pytest.raises(ControllerError, match="a margin has no pictures"):
-        margins(flight())
+        skyarm.margins(flight())
     words = "controller: sees = 'dwn': did you mean 'down'"
     with pytest.raises(ValueError, match=words):
         skyarm.run(flight(sees=("dwn",)))
