@@ -38,7 +38,8 @@ class Corridor(skyarm.Ending):
         return f"y = {state.position.y:.3f} m is outside of {self.half_width:g} m"
 
 
-# An ending has no memory, so it cannot count or wait, and it reads no other part.
+# An ending has no memory, so it cannot count or wait. With a class attribute sees = ("wrist",)
+# fine gets a further argument images=(), the newest picture of each of these cameras.
 # skyarm run narrow.toml --plugin own_ending.py ends with exit code 3 here.
 FLIGHT = """
 schema = 1

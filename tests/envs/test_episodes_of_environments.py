@@ -137,6 +137,7 @@ def test_every_episode_is_that_of_a_session_with_its_seed_and_number():
                     action_before=before[lane],
                     command=skyarm.Command(),
                     ended=0.0,
+                    scenario=session.scenario,
                 )
                 total = sum(float(term.value(result)) * term.weight for term in reward)
                 assert rewards[lane] == pytest.approx(total, rel=1e-12)

@@ -14,13 +14,17 @@ import skyarm
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.envs import OBSERVED, REWARDS, Result, Sight
 from skyarm.envs.action_kinds import ACTIONS, Turn, middle_and_half
-from skyarm.envs.env_program import LARGEST, observation_of
+from skyarm.envs.env_program import LARGEST, EnvProgram, observation_of
 from skyarm.envs.env_task import make_task
 from skyarm.envs.named_tasks import NAMED, task_scenario
 from skyarm.envs.randomised_numbers import _corners
 from skyarm.envs.registered_environments import TASK_NAMES
 from skyarm.records.units import units
+from skyarm.scenario.scenario_file import scenario_from
+from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.sensing.measurement import Image
 from skyarm.vehicle.thrust_table import ThrustTable
+from support.flights import document
 
 ROLL, YAW = 0.7, 0.4
 """rad, of base and reference."""
@@ -35,6 +39,15 @@ SIGHTED = skyarm.Measurement(
     joints=[0.3, -0.2],
     joint_rates=[1.0, -4.0],
     rotor_speeds=[400.0] * 4,
+    images=(
+        Image(
+            time=0.0,
+            depth=(0.2, 3.0, -np.inf, np.inf, np.nan),
+            rows=1,
+            columns=5,
+            sensor="camera",
+        ),
+    ),
 )
 WANTED = skyarm.Reference(
     position=skyarm.Vec3(0.0, 0.5, 1.0),
@@ -49,6 +62,15 @@ LAST, BEFORE = (0.5, -0.5, 0.0, 1.0, 0.2, 0.0), (0.5, 0.5, 0.0, 0.0, 0.2, 0.0)
 @pytest.fixture(scope="module")
 def planned():
     return skyarm.load_scenario("case3")
+
+
+def ball(position):
+    return {
+        "name": "target",
+        "shape": "sphere",
+        "size": [0.1],
+        "position": [*map(float, position)],
+    }
 
 
 def of_tip(vehicle):
@@ -88,6 +110,7 @@ def test_observed_quantities_are_what_they_say(planned):
         "joint_rates": np.array([1.0, -4.0]) / 2.0,
         "tip_error": of_tip(model.vehicle) / 2.0,
         "last_action": LAST,
+        "depth": [0.1, 1.0, 0.0, 1.0, 1.0],
     }
     assert set(expected) == set(OBSERVED)
     for name, wanted in expected.items():
@@ -106,7 +129,10 @@ def test_reward_terms_are_what_they_say(planned):
     )
     command = skyarm.Command(rotor_speeds=(400.0,) * 4, efforts=(0.0, 0.0))
     tip, base = np.linalg.norm(of_tip(vehicle)), np.linalg.norm(ERROR)
+    target = np.array([0.5, 0.4, 0.3])
+    world = {"surfaces": [ball(target)]}
     result = Result(
+        scenario=scenario_from({**document("case3"), "world": world}),
         state=state,
         reference=WANTED,
         vehicle=vehicle,
@@ -115,11 +141,16 @@ def test_reward_terms_are_what_they_say(planned):
         command=command,
         ended=1.0,
     )
+    place, _ = skyarm.frame_pose_world(
+        vehicle, SIGHTED.position, SIGHTED.quaternion, SIGHTED.joints
+    )
+    touch = np.linalg.norm(np.array([*place]) - target) - 0.1
     expected = {
         "tip_near": np.exp(-((tip / 2.0) ** 2)),
         "tip_distance": -tip / 2.0,
         "position_near": np.exp(-((base / 2.0) ** 2)),
         "position_distance": -base / 2.0,
+        "surface_near": np.exp(-touch / 2.0),
         "upright": np.cos(ROLL),
         "spin": -5.25 / 4.0,
         "joint_distance": -np.mean([0.1**2, 0.15**2]),
@@ -145,11 +176,24 @@ def test_reward_terms_are_what_they_say(planned):
             state=dataclasses.replace(state, quaternion=skyarm.Quaternion(*turned)),
         )
         assert float(REWARDS["upright"]().value(posed)) == pytest.approx(wanted)
+    on_it = {"surfaces": [ball(place)]}
+    touched = dataclasses.replace(
+        result, scenario=scenario_from({**document("case3"), "world": on_it})
+    )
+    assert float(REWARDS["surface_near"]().value(touched)) == 1.0
     going = dataclasses.replace(result, ended=0.0)
     assert (REWARDS["alive"]().value(going), REWARDS["lost"]().value(going)) == (
         1.0,
         0.0,
     )
+
+
+def test_a_surface_that_is_not_there_is_named(planned):
+    world = {"surfaces": [ball([0.0, 0.0, 5.0])]}
+    flown = scenario_from({**document("case3"), "world": world})
+    words = "surface = 'targt': did you mean 'target'"
+    with pytest.raises(ScenarioError, match=words):
+        EnvProgram(make_task(flown, reward=[REWARDS["surface_near"](surface="targt")]))
 
 
 def test_every_scale_has_a_unit_and_every_record_a_sentence():

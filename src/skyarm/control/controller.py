@@ -14,7 +14,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields, require_fields
 from skyarm.records.files import errors_as
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.leaves import Dataclass, Tree, is_record
 from skyarm.vehicle import Vehicle
 
@@ -53,6 +53,8 @@ class Controller:
             made of it; a law that is not is called with floats.
         keeps_tip: the law takes the joints from their references to keep the tip on its
             own.
+        sees: names of the sensors whose pictures the law receives, in this order, as
+            ``measurement.images``.
     """
 
     name: str
@@ -63,6 +65,7 @@ class Controller:
     limit: str = ""
     compiled: bool = True
     keeps_tip: bool = False
+    sees: tuple[str, ...] = field_if_any(default=())
 
     def __post_init__(self) -> None:
         with errors_as(ControllerError, of=RecordError):
@@ -72,17 +75,22 @@ class Controller:
             require_fields(self.memory, "controller.memory", (Vehicle,))
 
     def require_compiled(self, what: str) -> None:
-        """Raise an error, naming the feature ``what``, if an autopilot flies the base
-        or the law cannot be traced.
+        """Raise an error, naming the feature ``what``, if an autopilot flies, or
+        the law sees pictures or cannot be traced.
 
         Raises:
-            ControllerError: the law cannot be traced, or a program of its own flies the
-                base.
+            ControllerError: the law sees pictures or cannot be traced, or a program of
+                its own flies the base.
         """
         if (autopilot := autopilot_of(self)) is not None:
             raise ControllerError(
                 f"autopilot {autopilot.name!r}: flies alone and at its own pace, {what}"
                 " needs a law"
+            )
+        if self.sees:
+            raise ControllerError(
+                f"controller '{self.name}': sees {', '.join(self.sees)}, {what} has no"
+                " pictures; fly it by skyarm.run or a Session"
             )
         self.require_traceable(what)
 

@@ -24,7 +24,10 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import start_draws
+from skyarm.simulate.images import cameras_of
 from skyarm.simulate.lane_numbers import checked_array
+from skyarm.simulate.loop_state import LoopState
+from skyarm.simulate.pictures import ArrivingPictures
 
 AHEAD = 8192
 """Number of episodes, over all lanes, that are made at once; NumPy then takes about a
@@ -143,6 +146,7 @@ class EnvLanes:
             has flown its duration.
         ending: (lanes,) view, 0 or the number of the ending that came; :attr:`statuses`
             has their words.
+        pictures: sensor -> (lanes, rows, columns, 1), observed beside the numbers.
         state: the plant's state, a record of (lanes,) views: the truth, which no
             observation holds.
         actions: (numbers, lanes) view on the actions of the next step. episodes:
@@ -174,6 +178,14 @@ class EnvLanes:
         now: Any = rebuild(self.program.first, iter(list(self._carry)))
         self.loop = now.loop
         self.state: State = now.loop.agent.state
+        seen = [each for each in task.observation if each.sees]
+        self._depths: dict[str, Any] = {each.sees: each for each in seen}
+        self._pictures = ArrivingPictures(task.scenario, [*self._depths], lanes)
+        cameras = cameras_of(task.scenario)
+        self.pictures = {
+            name: np.zeros((lanes, *cameras[name].shape, 1), self.dtype)
+            for name in self._depths
+        }
         self.episodes: Array = np.zeros(lanes, dtype=np.int64)
         self.seeds: Array = np.zeros(lanes, dtype=np.uint64)
         self.ended = np.zeros(lanes, dtype=bool)
@@ -209,6 +221,39 @@ class EnvLanes:
         # the first step measures what the second period begins with
         self._stepper.begin(lanes, episodes, self.seeds[lanes], first=1)
         self._stepper.fill()
+        for taken in self._pictures.taken.values():
+            taken[:, lanes] = np.nan
+        self._look(lanes)
+
+    def _look(self, lanes: Array) -> None:
+        """Show the pictures that have arrived in some lanes."""
+        if not self.pictures:
+            return
+
+        def present(some: Array) -> tuple[LoopState, dict[str, Any]]:
+            numbers = zip(self.program.paths, self._numbers[:, some], strict=True)
+            keys = self.seeds[some], self.episodes[some]
+            return (
+                rebuild(self.loop, iter(self._carry[:, some])),
+                {"keys": keys, "numbers": dict(numbers)},
+            )
+
+        ticks = np.asarray(self.loop.ticks)[lanes].astype(int)
+        newest = self._pictures.look(self.task.scenario, ticks, lanes, present)
+        for (name, image), rows in zip(self.pictures.items(), newest, strict=True):
+            shares = self._depths[name].share(rows[:, 1:])
+            image[lanes] = shares.reshape(-1, *image.shape[1:])
+
+    def view(self, lanes: int | slice, *, copy: bool = True) -> Any:
+        """Observation of one lane or of several: the numbers, or a table of them and of
+        pictures.
+        """
+        every = {"state": self.observation.T, **self.pictures}
+        seen = {
+            name: each[lanes].copy(order="C") if copy else each[lanes]
+            for name, each in every.items()
+        }
+        return seen if self.pictures else seen["state"]
 
     def act(self, actions: Array) -> None:
         """Set the actions of all parallel episodes for the next step, an array (lanes,
@@ -236,6 +281,7 @@ class EnvLanes:
         episode has ended.
         """
         self._stepper.step()
+        self._look(self._every)
         np.greater(self.ending, 0.5, out=self.ended)
         np.greater(self._truncated, 0.5, out=self.truncated)
         return bool(self.ended.any() or self.truncated.any())

@@ -235,6 +235,7 @@ class EnvProgram:
             action_before=now.action,
             command=command,
             ended=ended,
+            scenario=stages.scenario,
         )
         # term by term: what one of them makes of a number that is none takes nothing
         # from the others

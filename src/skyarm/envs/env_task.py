@@ -4,6 +4,7 @@ parameters.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -22,7 +23,7 @@ from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.examine import require_shapes
-from skyarm.simulate.lane_numbers import require_rigid_body
+from skyarm.simulate.lane_numbers import require_no_pictures, require_rigid_body
 
 Info = dict[str, Any]
 """Information of a reset or a step next to its numbers, as in Gymnasium."""
@@ -68,6 +69,7 @@ def make_task(
     observation: Iterable[Observed | str] = USUAL,
     reward: Iterable[RewardTerm | str] = USUAL_REWARD,
     randomise: Mapping[str, Entry] | None = None,
+    derived: Mapping[str, str] | None = None,
     controller: str | None = None,
     duration: float | None = None,
     precision: str = "single",
@@ -82,6 +84,8 @@ def make_task(
         reward: records, or names of :data:`skyarm.envs.reward_terms.REWARDS`.
         randomise: path -> distribution, as ``[vary]`` of a study:
             ``{"plant.payload.mass": {"uniform": [0.0, 0.1]}}``.
+        derived: path -> expression of what is drawn, as ``[derived]`` of a study, for
+            numbers that change together.
         controller: law in place of the scenario file's.
         duration: duration in place of the scenario file's, s.
         precision: precision of all numbers, one of ``PRECISIONS``.
@@ -108,15 +112,45 @@ def make_task(
         # a law that is not asked ends no episode where it is not defined
         flown = flown.with_controller(replace(flown.agent.controller, margin=None))
     require_shapes(flown)
+    randomised = read_randomised(flown, randomise, derived)
+    _require_sensors(flown, seen, randomised.paths)
     rewarded = _several("reward", reward, REWARDS, RewardTerm, "term")
     return LearningTask(
         scenario=flown,
         actions=kind,
         observation=seen,
         reward=rewarded,
-        randomised=read_randomised(flown, randomise),
+        randomised=randomised,
         precision=precision,
     )
+
+
+SHAPING = re.compile(
+    r"^world\.mechanisms|\.(size|angles|vertices|collisions|joint\.(position|axis))\b"
+)
+"""Paths of numbers that change what a camera sees, but for poses."""
+
+
+def _require_sensors(
+    flown: Scenario, seen: Sequence[Observed], paths: Sequence[str]
+) -> None:
+    """Refuse pictures of sensors that are not there, or named as the vector of numbers,
+    and endings that see.
+    """
+    free = {each.name for each in flown.agent.cameras} - {"state"}
+    for name in (each.sees for each in seen if each.sees):
+        if name not in free:
+            allowed = (
+                f"a camera, each once, here of {', '.join(sorted(free)) or 'none'}"
+            )
+            raise ScenarioError(f"observation: sensor = {name!r}: must be {allowed}")
+        free -= {name}
+        for path in filter(SHAPING.search, paths):
+            raise ScenarioError(
+                f"randomise: path = {path!r}: must not vary where {name!r} is observed,"
+                " which sees the scenario's shapes; their positions may"
+            )
+    require_no_pictures(flown, "an environment")
 
 
 def _scenario(

@@ -103,6 +103,10 @@ class JaxEnvironment:
                 "precision = 'double': must come after"
                 ' jax.config.update("jax_enable_x64", True)'
             )
+        if task.randomised.derived:
+            raise ScenarioError("derived: must be left out in JAX")
+        if any(each.sees for each in task.observation):
+            raise ScenarioError("observation: must have no pictures (Depth) in JAX")
         self.task = task
         # fixed numbers are inputs as drawn ones are, of a distribution with one value
         whole = with_fixed(task.randomised, task.scenario, numbers)

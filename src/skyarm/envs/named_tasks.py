@@ -9,8 +9,14 @@ from collections.abc import Mapping
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
-from skyarm.envs.action_kinds import Actions, RatesAndThrust, Residual, RotorsAndJoints
-from skyarm.envs.observed_quantities import USUAL
+from skyarm.envs.action_kinds import (
+    Actions,
+    RatesAndThrust,
+    References,
+    Residual,
+    RotorsAndJoints,
+)
+from skyarm.envs.observed_quantities import USUAL, Depth, Observed
 from skyarm.envs.reward_terms import (
     USUAL_REWARD,
     ActionChange,
@@ -20,6 +26,7 @@ from skyarm.envs.reward_terms import (
     PositionNear,
     RewardTerm,
     Spin,
+    SurfaceNear,
     Upright,
 )
 from skyarm.records.files import must_be_one_of, shown
@@ -39,14 +46,16 @@ class NamedTask:
     Attributes:
         file: file of its scenario. actions: kind of actions. reward, observation: their
             parts.
-        randomise: path -> distribution of what is drawn for every episode.
+        randomise: path -> distribution of what is drawn for every episode. derived:
+            path -> expression of it.
     """
 
     file: str
     actions: Actions
     reward: tuple[RewardTerm, ...]
     randomise: Mapping[str, Any]
-    observation: tuple[str, ...] = USUAL
+    observation: tuple[str | Observed, ...] = USUAL
+    derived: Mapping[str, str] | None = None
 
 
 def _symmetric(size: float) -> dict[str, list[float]]:
@@ -124,6 +133,44 @@ NAMED: dict[str, NamedTask] = {
         ),
         randomise=THROWN,
     ),
+    "ReachWhatTheWristSees": NamedTask(
+        file="reach_what_the_wrist_sees",
+        actions=References(position=0.5, angle=0.5),
+        reward=(
+            SurfaceNear(scale=0.2),
+            ActionChange(weight=0.05),
+            Lost(weight=10.0),
+        ),
+        randomise={
+            "world.surfaces.target.position.x": _symmetric(0.25),
+            "world.surfaces.target.position.y": _symmetric(0.25),
+            "world.surfaces.target.position.z": {"uniform": [0.5, 0.7]},
+        },
+        observation=(*USUAL, Depth(sensor="wrist")),
+    ),
+    "FlyThroughWindow": NamedTask(
+        file="fly_through_window",
+        actions=References(position=0.5, angle=0.2),
+        reward=(
+            Alive(),
+            ActionChange(weight=0.05),
+            Lost(weight=100.0),
+        ),
+        # the walls move as one
+        randomise={
+            "y": _symmetric(0.4),
+            "z": _symmetric(0.2),
+        },
+        derived={
+            "world.surfaces.left.position.y": "1.4 + y",
+            "world.surfaces.right.position.y": "y - 1.4",
+            "world.surfaces.above.position.y": "y",
+            "world.surfaces.below.position.y": "y",
+            "world.surfaces.above.position.z": "2.34 + z",
+            "world.surfaces.below.position.z": "0.06 + z",
+        },
+        observation=(*USUAL, Depth(sensor="front", scale=4.0)),
+    ),
 }
 """Shipped environments by the name between ``skyarm/`` and ``-v0``."""
 
@@ -158,7 +205,7 @@ def task_arguments(task: str, given: Mapping[str, Any]) -> dict[str, Any]:
     mine = named_task(task)
     own = {
         name: getattr(mine, name)
-        for name in ("actions", "observation", "reward", "randomise")
+        for name in ("actions", "observation", "reward", "randomise", "derived")
     }
     arguments = {**own, **given}
     # no file is read for a scenario that is given

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Any
 
 from skyarm.algebra import Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import maximum, where
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable
-from skyarm.records.units import positive
+from skyarm.records.units import Unit, positive
 from skyarm.reference import Reference
+from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.tip_and_goal import goal_of, tip_at
 from skyarm.vehicle import Vehicle
@@ -58,6 +60,7 @@ class Result:
             in [-1, 1].
         command: vehicle command, converted from this period's action.
         ended: 1 if the period has ended the episode before its time, else 0.
+        scenario: scenario of the episode, with the numbers drawn for it.
     """
 
     state: State
@@ -67,11 +70,17 @@ class Result:
     action_before: Scalars
     command: Command
     ended: Scalar
+    scenario: Scenario
 
 
 @immutable
 class Observed:
     """Base class of quantities that make up an observation."""
+
+    @property
+    def sees(self) -> str:
+        """Name of the sensor whose picture the quantity is; empty for numbers."""
+        return ""
 
     def __post_init__(self) -> None:
         accept_fields(self, type(self).__name__)
@@ -220,6 +229,41 @@ class LastAction(Observed):
         return sight.action
 
 
+@immutable
+class Depth(Observed):
+    """Observed picture of a depth camera or lidar: depths over the scale, 1 where they
+    are larger or unknown.
+
+    Attributes:
+        sensor: name of the camera or lidar.
+    """
+
+    sensor: Annotated[str, Unit("", "name of the camera or lidar")] = "camera"
+    scale: Metres = 1.0
+
+    @property
+    def sees(self) -> str:
+        """Name of the camera or lidar."""
+        return self.sensor
+
+    def numbers(self, sight: Sight) -> Sequence[Scalar]:
+        """Pixels, row by row, of a law's measurement; that of an environment has
+        none, as its pictures stand beside the vector.
+        """
+        return [
+            self.share(depth)
+            for image in sight.measurement.images
+            if image.sensor == self.sensor
+            for depth in image.depth
+        ]
+
+    def share(self, depth: Any) -> Any:
+        """Observed number of a depth (m), or an array of them."""
+        shares = depth / self.scale
+        # NaN, of a lost reading, compares false
+        return where(shares <= 1.0, maximum(shares, 0.0), 1.0)
+
+
 OBSERVED: dict[str, type[Observed]] = {
     "position_error": PositionError,
     "velocity_error": VelocityError,
@@ -231,6 +275,7 @@ OBSERVED: dict[str, type[Observed]] = {
     "joint_rates": JointRates,
     "tip_error": TipError,
     "last_action": LastAction,
+    "depth": Depth,
 }
 """Observed quantities by name; a name gives one with its default scale."""
 

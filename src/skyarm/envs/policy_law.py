@@ -119,6 +119,7 @@ def as_law(
         margin=planned.margin if asks else None,
         limit=planned.limit if asks else "",
         compiled=traceable,
+        sees=tuple(each.sees for each in task.observation if each.sees),
     )
 
 

@@ -22,6 +22,12 @@ from skyarm.simulate.lane_numbers import (
 )
 from skyarm.studies.sweep.design import FIRST_CHANNEL
 from skyarm.studies.sweep.distributions import Distribution, Values, distribution_from
+from skyarm.studies.sweep.expressions import (
+    Expression,
+    derived_from,
+    is_own_name,
+    with_derived,
+)
 from skyarm.studies.sweep.plan import fastest_plant
 
 EDGE = 2.0**-53
@@ -37,17 +43,21 @@ class Randomised:
     """Scenario parameters that are drawn for every episode, each with its distribution.
 
     Attributes:
-        vary: path -> distribution. stiffest: the scenario that needs the shortest
-            integration steps.
+        vary: path, or name of its own -> distribution. stiffest: the scenario that
+            needs the shortest integration steps.
+        derived: path -> its expression of what is drawn.
     """
 
     vary: Mapping[str, Distribution]
     stiffest: Scenario
+    derived: Mapping[str, Expression]
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """Paths of the randomised parameters, such as plant.payload.mass."""
-        return tuple(self.vary)
+        """Paths of the randomised parameters, such as plant.payload.mass, derived ones
+        last.
+        """
+        return _paths((*self.vary, *self.derived))
 
     def draw(self, seeds: Array, episodes: Array) -> list[Array]:
         """Draw the randomised parameters of several episodes, one array per parameter.
@@ -55,17 +65,26 @@ class Randomised:
         They are those of a sweep with this seed, whose ``[vary]`` has the same paths in
         the same order.
         """
-        values = []
-        for index, distribution in enumerate(self.vary.values()):
+        drawn = dict[str, Array]()
+        for index, (name, distribution) in enumerate(self.vary.items()):
             unit = uniforms(seeds[:, None], episodes, FIRST_CHANNEL + index, 0, 1)[:, 0]
-            values.append(distribution.quantile(unit))
-        return values
+            drawn[name] = distribution.quantile(unit)
+        values = with_derived(drawn, self.derived)
+        return [values[path] for path in self.paths]
+
+
+def _paths(names: Iterable[str]) -> tuple[str, ...]:
+    """Paths among drawn and derived numbers; the others are names of their own."""
+    return tuple(name for name in names if not is_own_name(name))
 
 
 def read_randomised(
-    scenario: Scenario, table: Mapping[str, Entry] | None
+    scenario: Scenario,
+    table: Mapping[str, Entry] | None,
+    derived: Mapping[str, str] | None = None,
 ) -> Randomised:
-    """Read the table of randomised parameters and check each over its whole range.
+    """Read the tables of randomised and derived parameters and check each over its
+    whole range.
 
     Raises:
         ScenarioError: one line with path, value and what is allowed.
@@ -84,7 +103,8 @@ def read_randomised(
             )
         with errors_as(ScenarioError):
             vary[path] = distribution_from(given, f'randomise."{path}"')
-    return _check(scenario, vary)
+    with errors_as(ScenarioError):
+        return _check(scenario, vary, derived_from(derived or {}, tuple(vary)))
 
 
 def with_fixed(
@@ -107,21 +127,28 @@ def with_fixed(
             )
         with errors_as(ScenarioError, "numbers: "):
             vary[path] = Values((float(number_at(scenario, path)),))
-    return _check(scenario, vary)
+    return _check(scenario, vary, randomised.derived)
 
 
-def _check(scenario: Scenario, vary: Mapping[str, Distribution]) -> Randomised:
+def _check(
+    scenario: Scenario,
+    vary: Mapping[str, Distribution],
+    derived: Mapping[str, Expression],
+) -> Randomised:
     """Check that a scenario is valid over the ranges of its randomised parameters."""
+    paths = _paths((*vary, *derived))
     with errors_as(ScenarioError, "randomise: "):
-        require_paths(scenario, tuple(vary))
-        require_draws(scenario, tuple(vary))
-        ends = {path: _ends(distribution) for path, distribution in vary.items()}
-        corners = _corners(ends)
+        require_paths(scenario, paths)
+        require_draws(scenario, paths)
+        drawn = {name: _ends(distribution) for name, distribution in vary.items()}
+        every = with_derived(_corners(drawn), derived)
+        corners = {path: every[path] for path in paths}
         require_within_queue(scenario, corners)
         # rules are checked where the numbers are largest, before lanes fly with them
-        LaneRules(scenario, tuple(vary)).require(corners)
+        LaneRules(scenario, paths).require(corners)
+        ends = {path: (float(x.min()), float(x.max())) for path, x in corners.items()}
         stiffest = fastest_plant(scenario, ends)
-    return Randomised(vary=vary, stiffest=stiffest)
+    return Randomised(vary=vary, stiffest=stiffest, derived=derived)
 
 
 def _ends(distribution: Distribution) -> tuple[float, float]:

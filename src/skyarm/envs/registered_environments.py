@@ -25,7 +25,10 @@ SHIPPED_TASKS = "skyarm.envs.named_tasks"
 
 ANY_SCENARIO = "skyarm/Scenario-v0"
 
-TASK_NAMES = ("Hover", "TrackTip", "HoldTipInWind", "CarryPayload", "Recover")
+TASK_NAMES = (
+    *("Hover", "TrackTip", "HoldTipInWind", "CarryPayload", "Recover"),
+    *("ReachWhatTheWristSees", "FlyThroughWindow"),
+)
 """Names of the shipped environments (:data:`skyarm.envs.named_tasks.NAMED`)."""
 
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from skyarm.algebra import Scalar, Vec3
-from skyarm.algebra.scalars import exp, sqrt
+from skyarm.algebra.scalars import exp, minimum, sqrt
 from skyarm.envs.observed_quantities import (
     JointTravel,
     Metres,
@@ -20,8 +20,11 @@ from skyarm.envs.observed_quantities import (
     tip_error,
 )
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.files import must_be_one_of
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
+from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.simulate.tip_and_goal import tip_at
 
 
 @immutable
@@ -110,6 +113,33 @@ class PositionDistance(RewardTerm):
 
 
 @immutable
+class SurfaceNear(RewardTerm):
+    """Reward exp(-d / scale) for the tip's distance d from a fixed surface: 1 where it
+    touches.
+
+    Attributes:
+        surface: name of the surface.
+    """
+
+    surface: Annotated[str, Unit("", "name of the surface to touch")] = "target"
+    scale: Metres = 0.1
+
+    def value(self, result: Result) -> Scalar:
+        """Reward between 0 and 1 that is 1 on and within the surface."""
+        surfaces = {
+            each.name: each for world in result.scenario.worlds for each in world.still
+        }
+        if self.surface not in surfaces:
+            allowed = must_be_one_of(surfaces, self.surface)
+            raise ScenarioError(f"SurfaceNear: surface = {self.surface!r}: {allowed}")
+        state = result.state
+        tip = tip_at(result.vehicle, state.position, state.quaternion, state.joints)
+        # a radius that is a float: that of an int 0 asks for the nearest face alone
+        depth, _ = surfaces[self.surface].depth(tip, 0.0, 0.0)
+        return exp(minimum(depth, 0.0) / self.scale)
+
+
+@immutable
 class Upright(RewardTerm):
     """Reward for a level attitude: cosine of the tilt, 1 when level, -1 upside down."""
 
@@ -194,6 +224,7 @@ REWARDS: dict[str, type[RewardTerm]] = {
     "tip_distance": TipDistance,
     "position_near": PositionNear,
     "position_distance": PositionDistance,
+    "surface_near": SurfaceNear,
     "upright": Upright,
     "spin": Spin,
     "joint_distance": JointDistance,

@@ -98,7 +98,7 @@ class Environment(gymnasium.Env[Array, Array]):
         else:
             self.lanes.reseed(self._only, np.array([key], dtype=np.uint64))
         self._begun, self._drawn = True, False
-        return self.lanes.observation[:, 0].copy(), {}
+        return self.lanes.view(0), {}
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, Info]:
         """Simulate one control period with an action, as Gymnasium's ``step``.
@@ -131,7 +131,7 @@ class Environment(gymnasium.Env[Array, Array]):
         ended = bool(lanes.ended[0])
         info = self._ending() if ended else {}
         return (
-            lanes.observation[:, 0].copy(),
+            lanes.view(0),
             float(lanes.reward[0]),
             ended,
             bool(lanes.truncated[0]),

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from gymnasium.spaces import Box
+from gymnasium.spaces import Box, Dict
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
@@ -67,7 +67,6 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         self.single_observation_space, self.single_action_space = spaces(self.lanes)
         self.observation_space = batch_space(self.single_observation_space, count)
         self.action_space = batch_space(self.single_action_space, count)
-        self._view = self.lanes.observation.T
         # lanes whose episode was over after the last step
         self._over: Array = np.zeros(0, dtype=np.intp)
         self._begun = False
@@ -78,11 +77,11 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         return self.lanes.task.scenario
 
     @property
-    def observations(self) -> Array:
+    def observations(self) -> Any:
         """Current observations (num_envs, length), as a view that every step
-        overwrites.
+        overwrites; with pictures a table of views.
         """
-        return self._view
+        return self.lanes.view(slice(None), copy=False)
 
     def reset(
         self,
@@ -179,8 +178,8 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         if hasattr(self, "lanes"):
             self.lanes.close()
 
-    def _observe(self) -> Array:
-        return self._view.copy(order="C") if self._copy else self._view
+    def _observe(self) -> Any:
+        return self.lanes.view(slice(None), copy=self._copy)
 
     def _infos(self, ended: Array) -> Info:
         """Gymnasium infos with status and cause of early terminations."""
@@ -199,7 +198,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         final = np.empty(self.num_envs, dtype=object)
         for lane in self._over.tolist():
             # the view is written anew when the next episode begins
-            final[lane] = self._view[lane].copy()
+            final[lane] = self.lanes.view(lane)
         return {
             "final_obs": final,
             "_final_obs": mask,
@@ -208,10 +207,18 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         }
 
 
-def spaces(lanes: EnvLanes) -> tuple[Box, Box]:
-    """Observation and action space of one episode."""
+def spaces(lanes: EnvLanes) -> tuple[Any, Box]:
+    """Observation and action space of one episode; with pictures a Dict of ``state``
+    and each sensor.
+    """
     seen, size = len(lanes.observation), len(lanes.actions)
-    observed = Box(-LARGEST, LARGEST, (seen,), lanes.dtype)
+    observed: Any = Box(-LARGEST, LARGEST, (seen,), lanes.dtype)
+    if lanes.pictures:
+        images = {
+            name: Box(0.0, 1.0, each.shape[1:], lanes.dtype)
+            for name, each in lanes.pictures.items()
+        }
+        observed = Dict({"state": observed, **images})
     return observed, Box(-1.0, 1.0, (size,), lanes.dtype)
 
 

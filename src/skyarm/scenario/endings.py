@@ -49,6 +49,9 @@ class Ending:
     status: ClassVar[str]
     """Word for the log's status after this ending."""
 
+    sees: tuple[str, ...] = ()
+    """Names of the sensors whose pictures ``fine`` receives as ``images``."""
+
     def fine(
         self, scenario: Scenario, state: State, goal: Vec3, slack: Scalar
     ) -> Scalar:
@@ -60,6 +63,9 @@ class Ending:
             state: plant state.
             goal: position of the held reference, m.
             slack: how far inside its limit a state must be; 0 in flight.
+
+        An ending that sees pictures has a further argument ``images=()``, a tuple of
+        :class:`skyarm.sensing.measurement.Image` in the order of :attr:`sees`.
         """
         raise NotImplementedError(f"{type(self).__name__} must define fine()")
 

@@ -418,6 +418,19 @@ def sensors_suffice(scenario: Scenario) -> None:
     )
 
 
+@rule("controller", "sensors", "endings", numbers=False)
+def pictures_are_taken(scenario: Scenario) -> None:
+    """Check that the law and the endings see cameras or lidars of the vehicle."""
+    cameras = [each.name for each in scenario.agent.cameras]
+    sees = {"controller": scenario.agent.controller.sees}
+    sees |= {f"endings[{i}]": each.sees for i, each in enumerate(scenario.endings)}
+    for where, names in sees.items():
+        for name in names:
+            if name not in cameras:
+                allowed = must_be_one_of(cameras, name) if cameras else "is no camera"
+                raise ValueError(f"{where}: sees = {shown(name)}: {allowed}")
+
+
 @rule("plant.drives", "plant.vehicle", "environment", "rates")
 def drives_fit(scenario: Scenario) -> None:
     """Check that drives belong to joints with torque, and that drives and environment

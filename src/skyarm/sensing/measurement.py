@@ -23,6 +23,19 @@ from skyarm.vehicle import Vehicle
 
 
 @immutable
+class Image:
+    """Depths that a camera or a lidar saw at one instant."""
+
+    time: Annotated[Scalar, Unit("s", "time at which the picture was taken")]
+    depth: Annotated[
+        Scalars, Unit("m", "depth of each pixel, row by row from the top left")
+    ]
+    rows: Annotated[int, Unit("", "number of rows")]
+    columns: Annotated[int, Unit("", "number of columns")]
+    sensor: Annotated[str, Unit("", "name of the sensor")]
+
+
+@immutable
 class Measurement:
     """Measurement that a control law receives: pose, velocities, specific force,
     joints, rotors.
@@ -64,6 +77,10 @@ class Measurement:
     holds: Annotated[
         Scalars, Unit("", "1 while a gripper at the tip reports a grasp")
     ] = field_if_any(default=())
+    images: Annotated[
+        tuple[Image, ...],
+        Unit("", "newest picture of each camera that the law sees, in its order"),
+    ] = field_if_any(default=())
 
     def __post_init__(self) -> None:
         # made in every period: what holds vectors and tuples already is not looked at
@@ -84,6 +101,7 @@ class Measurement:
         tuples = (
             tuples
             and type(self.tip_force) is type(self.switches) is type(self.holds) is tuple
+            and type(self.images) is tuple
         )
         if not (
             vectors

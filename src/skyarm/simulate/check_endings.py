@@ -24,6 +24,7 @@ from skyarm.reference.trajectory import failure_words
 from skyarm.scenario.endings import BUILT_IN, PHASE_FAILED, Ending, not_finite
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.images import Images, images_of
 from skyarm.simulate.loop_state import Clock
 
 SLACK = 1e-5
@@ -62,13 +63,25 @@ def endings_of(scenario: Scenario) -> tuple[Ending, ...]:
     return (*BUILT_IN, *scenario.endings)
 
 
-def healthy(scenario: Scenario, state: State, goal: Vec3) -> Scalar:
+def healthy(
+    scenario: Scenario, state: State, goal: Vec3, images: Images = ()
+) -> Scalar:
     """True while no termination condition is met; a state with NaN meets one."""
     fine: Scalar = True
     for ending in endings_of(scenario):
         # without slack: these are the bits that decide
-        fine = both_hold(fine, ending.fine(scenario, state, goal, 0))
+        fine = both_hold(fine, _is_fine(ending, scenario, state, goal, images))
     return fine
+
+
+def _is_fine(
+    ending: Ending, scenario: Scenario, state: State, goal: Vec3, images: Images
+) -> Scalar:
+    """True while a termination condition is not met, also by the pictures that it
+    sees.
+    """
+    seen = {"images": images_of(ending.sees, images)} if ending.sees else {}
+    return ending.fine(scenario, state, goal, 0, **seen)
 
 
 def both_hold(a: Scalar, b: Scalar) -> Scalar:
@@ -79,7 +92,11 @@ def both_hold(a: Scalar, b: Scalar) -> Scalar:
 
 
 def find_ending(
-    scenario: Scenario, time: float, x: Sequence[float], goal: Sequence[float]
+    scenario: Scenario,
+    time: float,
+    x: Sequence[float],
+    goal: Sequence[float],
+    images: Images = (),
 ) -> Ended | None:
     """First termination condition that a state meets, as status, cause and time; None
     if it meets none.
@@ -87,7 +104,7 @@ def find_ending(
     state = rebuild(example_state(*scenario.agent.vehicle.sizes), iter(x))
     for ending in endings_of(scenario):
         # in the order of the loop: the first ending that is met names the flight's end
-        if not ending.fine(scenario, state, Vec3(*goal), 0):
+        if not _is_fine(ending, scenario, state, Vec3(*goal), images):
             try:
                 cause = ending.cause(scenario, state, Vec3(*goal))
                 require_result(ending.cause, cause, isinstance(cause, str), "a text")

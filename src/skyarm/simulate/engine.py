@@ -51,6 +51,7 @@ from skyarm.simulate.flight_recorder import FlightRecorder
 from skyarm.simulate.inputs import FlightInputs
 from skyarm.simulate.loop_state import LoopState, Sample, carry_over, structure_of
 from skyarm.simulate.period import PlantSteps, make_fleet_period, make_period, measure
+from skyarm.simulate.pictures import FlightPictures
 from skyarm.simulate.plant_steps import (
     CalledPlant,
     EpisodeEndedError,
@@ -233,7 +234,10 @@ class EpisodeCode(LoopProgram):
         """
         rows = period.stages.lead(now, period.row.given)
         measured = measure(period.stages, period.plant, now, rows, period.uniforms)
-        return now, tuple(half.read.measurement for half in measured.agents)
+        seen = zip(period.stages.agents, measured.agents, now.agents, strict=True)
+        return now, tuple(
+            each.with_images(half.read.measurement, own) for each, half, own in seen
+        )
 
     @cached_property
     def measurement(self) -> Loop:
@@ -347,6 +351,7 @@ class EngineState:
         begun, tick, ended, from_outside: as of :class:`Engine`.
         carry, parameters: loop state and parameters of the program. table: log so far.
         memories: internal states of laws that are called.
+        pictures: those taken (:class:`skyarm.simulate.pictures.ArrivingPictures`).
     """
 
     scenario: Scenario
@@ -360,6 +365,7 @@ class EngineState:
     parameters: Array
     table: Array
     memories: list[Any]
+    pictures: dict[str, Array]
 
 
 class Engine:
@@ -405,6 +411,7 @@ class Engine:
         self.tick = self.begun = 0
         self.ended: Ended | None = None
         self._stretch = 1
+        self._pictures = FlightPictures(self.scenario, code.carry)
         self.commanded = False
         self.from_outside = math.inf
 
@@ -507,7 +514,11 @@ class Engine:
         if self.full:
             self._move_window()
         stop = min(
-            stop, self.tick + self._stretch, self._first + self.code.window, self._steps
+            stop,
+            self.tick + self._stretch,
+            self._first + self.code.window,
+            self._steps,
+            self._pictures.next(self.tick),
         )
         begun = perf_counter()
         before = self.tick
@@ -525,6 +536,7 @@ class Engine:
         """Simulate up to control period ``stop``; False once the flight is over."""
         carry = self._stepper.carry
         first = self._first
+        self._look()
         self._before[:] = carry
         self._stepper.fly(self.tick - first, stop - first, first)
         over = carry[ALIVE] < 0.5
@@ -542,6 +554,10 @@ class Engine:
             return False
         return True
 
+    def _look(self) -> None:
+        """Take the pictures of this instant that a law or an ending sees."""
+        self._pictures.write(self.scenario, self.tick, self._stepper.carry)
+
     def _reason(self, *, lost: bool) -> Ended | None:
         """Status, cause and time of the flight's early termination; None after its full
         duration.
@@ -557,7 +573,8 @@ class Engine:
             )
             # the state first, as in the loop: a command that is not finite may follow
             # from it
-            ending = find_ending(one, time, leaves(own.state), [float(c) for c in goal])
+            place = [float(c) for c in goal]
+            ending = find_ending(one, time, leaves(own.state), place, own.images)
             ending = ending or failed_phase(one, time, own.clock)
             if ending is not None:
                 return self._with_name(name, ending)
@@ -621,8 +638,9 @@ class Engine:
 
     @property
     def has_nan(self) -> bool:
-        """True if a number of the loop's state is NaN."""
-        return bool(np.isnan(self._stepper.carry).any())
+        """True if a number of the loop's state is NaN, apart from lost pixels."""
+        carry = self._stepper.carry
+        return bool(np.isnan(np.delete(carry, self._pictures.pixels)).any())
 
     def evaluate(self, now: LoopState) -> LoopState:
         """Evaluate one control period in Python floats from a given closed-loop state;
@@ -670,6 +688,7 @@ class Engine:
 
     def measurements(self) -> tuple[Measurement, ...]:
         """Measurement that each control law receives in the next period."""
+        self._look()
         stepper, output, example = self._peek
         stepper.carry[:] = self._stepper.carry
         stepper.parameters[:] = self._stepper.parameters
@@ -692,6 +711,7 @@ class Engine:
             # not copied, being large: what it has up to here is not written again
             table=self.recorder.table,
             memories=copy.deepcopy([each.memory for each in self.code.calls]),
+            pictures=copy.deepcopy(self._pictures.taken),
         )
 
     def restore(self, state: EngineState) -> None:
@@ -705,6 +725,7 @@ class Engine:
         self.from_outside = state.from_outside
         self._stepper.carry[:] = state.carry
         self._stepper.parameters[:] = state.parameters
+        self._pictures.taken = copy.deepcopy(state.pictures)
         # of the snapshot's table the flight may have overwritten what follows: it goes
         # on in one of its own
         self.recorder.table = np.empty_like(state.table)
@@ -760,6 +781,10 @@ class Engine:
                 self.code.calls[i].memory = kept
             memories.append(_carried_memory(law, kept) if self.code.calls else kept)
         self._stepper.carry[:] = leaves(_with_memories(carried, memories))
+        taken = self._pictures.taken
+        for name, earlier in other._pictures.taken.items():
+            if name in taken and taken[name].shape == earlier.shape:
+                taken[name] = earlier
         self.begun = other.tick
         self.tick = other.tick
         self.ended = other.ended

@@ -87,6 +87,7 @@ from skyarm.scenario.without_effect import WEIGHT, readings_at
 from skyarm.sensing.measurement import Measurement, measurement_of
 from skyarm.sensing.sensor import NO_PUSH
 from skyarm.sensing.sensor_kinds import declared_reading
+from skyarm.simulate.images import blank_images
 from skyarm.simulate.inputs import held_times
 from skyarm.vehicle import BASE
 from skyarm.world import Wrench
@@ -327,6 +328,8 @@ class UserPart:
         period = scenario.rates.period
         vehicle = agent.vehicle
         speeds = state.rotor_speeds
+        sees = self.record.sees if self.kind in ("law", "ending") else ()
+        images = blank_images(scenario, sees)
         given: Given = {
             "t": t,
             "state": state,
@@ -344,7 +347,8 @@ class UserPart:
             "command": Command(rotor_speeds=speeds, efforts=vehicle.zeros),
             "specific_force": WEIGHT,
             "push": NO_PUSH,
-            "measurement": measurement_of(state, WEIGHT),
+            "measurement": replace(measurement_of(state, WEIGHT), images=images),
+            "images": images,
             "motion": lambda: self._motion(state),
             "readings": lambda: readings_at(scenario, state, t),
             "reference": lambda: self._reference(t),
@@ -403,6 +407,8 @@ class UserPart:
             if self.kind == "law"
             else getattr(own, method)
         )
+        if self.kind == "ending" and own.sees:
+            function = partial(function, images=given["images"])
         names = ("self", *inspect.signature(function).parameters)
         arguments = dict(zip(names, (own, *values), strict=False))
         before = contents(arguments)
@@ -929,6 +935,7 @@ def _try_periods(controller: Controller, flown: Scenario) -> None:
     seen = measurement_of(
         first_state(flown), Vec3(0.0, 0.0, float(flown.agent.plant.gravity))
     )
+    seen = replace(seen, images=blank_images(flown, controller.sees))
     times = held_times(flown, np.arange(min(PERIODS, flown.steps)))
     references = [flown.agent.reference.at(float(time)) for time in times]
     try_law(controller, 1.0 / flown.rates.control, seen, references)

@@ -7,8 +7,9 @@ numbers. Neither the loop nor a log holds pictures.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -21,6 +22,7 @@ from skyarm.records.arrays import Array, IntArray, float_array, stack_values
 from skyarm.records.files import must_be_one_of
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import rebuild
+from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensing.cameras.camera_kinds import RaySensor, body_names
 from skyarm.sensing.cameras.ray_casting import RayCaster
@@ -240,7 +242,7 @@ class Eyes:
             tick: number of the period, which numbers the picture's noise.
         """
         seen = self._present(now, np.array([time]))
-        return next(self._frames(name, seen, [tick], [self._scenario.episode]))
+        return next(self._frames(name, seen, [tick], [self._keys]))
 
     def frames(self, name: str, log: Log) -> Iterator[Frame]:
         """Pictures of a flight from its log, one at a time, when the sensor is due."""
@@ -255,8 +257,8 @@ class Eyes:
                 [np.hstack([each[rows] for each in own]) for own in vehicles],
                 {each: array[rows] for each, array in carried.items()},
             )
-            episodes = [self._scenario.episode] * len(rows)
-            yield from self._frames(name, seen, ticks[rows].tolist(), episodes)
+            keys = [self._keys] * len(rows)
+            yield from self._frames(name, seen, ticks[rows].tolist(), keys)
 
     def depths(
         self,
@@ -275,14 +277,46 @@ class Eyes:
             tick: number of the control period, one or (lanes,).
             episodes: (lanes,) keys of the noise; the scenario's if left out.
         """
-        count = loop_leaves.shape[1]
-        keys = self._scenario.episode if episodes is None else episodes
-        ticks, own = (
-            np.broadcast_to(each, count).astype(int).tolist() for each in (tick, keys)
-        )
+        seed, episode = self._keys
+        keys = seed, episode if episodes is None else episodes
         now = rebuild(self._structure, iter(loop_leaves))
-        seen = self._present(now, np.broadcast_to(time, count))
-        return np.stack([each.depth for each in self._frames(name, seen, ticks, own)])
+        times = np.broadcast_to(time, loop_leaves.shape[1])
+        return self.lane_depths(name, now, times, tick, keys=keys)
+
+    def lane_depths(
+        self,
+        name: str,
+        now: LoopState,
+        times: Array,
+        tick: ArrayLike,
+        *,
+        keys: Sequence[ArrayLike] = (),
+        numbers: Mapping[str, Array] = MappingProxyType({}),
+    ) -> Array:
+        """Depths (lanes, rows, columns) of flights that differ in numbers and keys.
+
+        Args:
+            name: name of the sensor.
+            now: state of the loop, its scalars (lanes,).
+            times: (lanes,) s.
+            tick: number of the control period, one or (lanes,).
+            keys: seed and episode of the noise; the scenario's if left out.
+            numbers: path -> (lanes,) numbers of the scenario, of which positions of
+                surfaces count.
+        """
+        ticks, *own = (
+            np.broadcast_to(each, len(times)).astype(int).tolist()
+            for each in (tick, *(keys or self._keys))
+        )
+        seen, pairs = self._present(now, times), zip(*own, strict=True)
+        varied = with_numbers(self._scenario, numbers) if numbers else None
+        frames = self._frames(name, seen, ticks, pairs, varied)
+        return np.stack([each.depth for each in frames])
+
+    @property
+    def _keys(self) -> tuple[int, int]:
+        """Keys of the scenario's noise."""
+        return self._scenario.seed, self._scenario.episode
 
     @cached_property
     def _structure(self) -> LoopState:
@@ -306,16 +340,16 @@ class Eyes:
                 carried[name] = stack_values(count, values).T
         return _Instants(times, vehicles, carried)
 
-    def _poses(self, seen: _Instants) -> tuple[Array, Array]:
+    def _poses(self, seen: _Instants, varied: Scenario) -> tuple[Array, Array]:
         """Rotations (N, bodies, 3, 3) to world axes and positions (N, bodies, 3) of all
         bodies.
         """
         count = len(seen.times)
         upright = np.tile(np.eye(3), (count, 1, 1))
         poses = list[tuple[Array, Array]]()
-        for contact in self._scenario.worlds:
-            for each in contact.surfaces:
-                away = each.place(seen.times)[0] - each.position
+        for contact, moved in zip(self._scenario.worlds, varied.worlds, strict=True):
+            for each, placed in zip(contact.surfaces, moved.surfaces, strict=True):
+                away = placed.place(seen.times)[0] - each.position
                 poses.append((upright, vectors(away, count)))
             poses += carrier_poses(
                 contact.objects, contact.mechanisms, seen.carried, count
@@ -334,10 +368,11 @@ class Eyes:
         name: str,
         seen: _Instants,
         ticks: Sequence[int],
-        episodes: Sequence[int],
+        keys: Iterable[tuple[int, int]],
+        varied: Scenario | None = None,
     ) -> Iterator[Frame]:
-        camera, seed = self._camera(name), self._scenario.seed
-        R_WB, p_WB = self._poses(seen)
+        camera = self._camera(name)
+        R_WB, p_WB = self._poses(seen, varied or self._scenario)
         R_WL, p_WL = R_WB[:, camera.body], p_WB[:, camera.body]
         R_WO = R_WL @ matrices(camera.sensor.rotation, 1)
         p_WO = p_WL + R_WL @ float_array(camera.sensor.position)
@@ -346,7 +381,7 @@ class Eyes:
         eyes = (R_BW @ (p_WO[:, None] - p_WB)[..., None])[..., 0]
         distances, numbers = camera.caster.cast(rotations, eyes)
         quaternions = quaternions_of(R_WO)
-        for i, (tick, episode) in enumerate(zip(ticks, episodes, strict=True)):
+        for i, (tick, key) in enumerate(zip(ticks, keys, strict=True)):
             yield Frame(
                 time=float(seen.times[i]),
                 sensor=name,
@@ -357,6 +392,6 @@ class Eyes:
                 number=numbers[i],
                 rotations=rotations[i],
                 eyes=eyes[i],
-                keys=(seed, episode, camera.channel, tick // camera.every),
+                keys=(*key, camera.channel, tick // camera.every),
                 camera=camera,
             )

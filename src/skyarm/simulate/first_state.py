@@ -20,6 +20,7 @@ from skyarm.sensing.estimate.estimator import FULL_STATE
 from skyarm.sensing.measurement import blank_measurement
 from skyarm.sensing.sensor import NO_PUSH
 from skyarm.simulate.draws import start_draws
+from skyarm.simulate.images import blank_images, sensors_seen
 from skyarm.simulate.loop_state import (
     AgentLoop,
     LoopState,
@@ -111,6 +112,7 @@ def _first_agent(scenario: Scenario, state: State) -> AgentLoop:
             for drive, q, u in zip(drives, state.joints, standing.efforts, strict=False)
         ),
         clock=Waits(scenario).first(),
+        images=blank_images(scenario, sensors_seen(scenario)),
     )
 
 

@@ -68,13 +68,29 @@ def require_rigid_body(scenario: Scenario) -> None:
 
 
 def require_compiled(scenario: Scenario) -> None:
-    """Refuse control laws that a batch cannot compile.
+    """Refuse control laws that a batch cannot compile, and endings that see pictures.
 
     Raises:
-        ControllerError: one line.
+        ControllerError: one line about a law.
+        ScenarioError: one line about an ending.
     """
     for agent in scenario.agents.values():
         agent.controller.require_compiled("a batch")
+    require_no_pictures(scenario, "a batch")
+
+
+def require_no_pictures(scenario: Scenario, what: str) -> None:
+    """Refuse endings that see pictures, which the feature ``what`` has not.
+
+    Raises:
+        ScenarioError: one line.
+    """
+    for i, ending in enumerate(scenario.endings):
+        if ending.sees:
+            raise ScenarioError(
+                f"endings[{i}]: sees {', '.join(ending.sees)}, {what} has no pictures;"
+                " fly it by skyarm.run or a Session"
+            )
 
 
 def require_kind(field: str, value: object, kind: type) -> None:

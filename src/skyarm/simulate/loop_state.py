@@ -15,7 +15,7 @@ from skyarm.plant.surroundings import Memories
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Record, Tree, is_record, leaves, mismatch, rebuild
 from skyarm.reference import Reference
-from skyarm.sensing.measurement import Measurement
+from skyarm.sensing.measurement import Image, Measurement
 from skyarm.world import WindSample
 
 
@@ -82,6 +82,8 @@ class AgentLoop:
         clock: clock of a reference whose phases wait
             (:mod:`skyarm.simulate.reference_clock`); () where none does.
         components: memories of the environment models that the vehicle has for itself.
+        images: newest picture of each sensor that its law or an ending sees
+            (:mod:`skyarm.simulate.pictures`), from outside: no period changes it.
     """
 
     state: State
@@ -92,6 +94,7 @@ class AgentLoop:
     drives: Memories
     clock: Clock = ()
     components: Memories = ()
+    images: tuple[Image, ...] = ()
 
 
 @immutable
@@ -259,6 +262,7 @@ def _carry_agent(new: AgentLoop, old: AgentLoop, clock: Clock) -> AgentLoop:
         estimate=_kept(new.estimate, old.estimate),
         drives=tuple(_kept(*both) for both in drives) or new.drives,
         clock=clock or _kept(new.clock, old.clock),
+        images=_kept(new.images, old.images),
     )
 
 

@@ -170,7 +170,7 @@ def decide(
         stages.agents, now.agents, measured.agents, rows, references, strict=True
     )
     for each, own, half, row, reference in loops:
-        seen = half.read.measurement
+        seen = each.with_images(half.read.measurement, own)
         memory, command = each.decide(own.memory, seen, reference, row.path_time)
         decided.append(
             Decided(
@@ -211,6 +211,7 @@ def act(
                 drives=each.drive(own.drives, half.acting, arrived, own.state),
                 clock=law.clock,
                 components=half.components,
+                images=own.images,
             )
         )
         acting.append(arrived)

@@ -55,6 +55,7 @@ from skyarm.simulate.command_delay import (
     rotor_and_joint_delays,
 )
 from skyarm.simulate.draws import draw_plan
+from skyarm.simulate.images import images_of
 from skyarm.simulate.loop_state import (
     AgentLoop,
     GivenRows,
@@ -152,8 +153,9 @@ class Stages:
         """1.0 while no vehicle meets a termination condition, else 0.0."""
         fine: Scalar = now.alive > 0.5
         for each, loop, row in zip(self.agents, now.agents, rows, strict=True):
+            goal = row.reference.position
             fine = logical_and(
-                fine, healthy(each.scenario, loop.state, row.reference.position)
+                fine, healthy(each.scenario, loop.state, goal, loop.images)
             )
             sound = each.waits.is_sound(loop.clock)
             # without guards the clock is sound for certain: no operation is added
@@ -553,6 +555,11 @@ class AgentStages:
         # several grippers may stand at one tip: it holds once any of them does
         holds = (functools.reduce(maximum, reports),) if reports else ()
         return replace(read, measurement=replace(read.measurement, holds=holds))
+
+    def with_images(self, measurement: Measurement, own: AgentLoop) -> Measurement:
+        """Measurement with the newest pictures that the law sees; the log has none."""
+        images = images_of(self.scenario.agent.controller.sees, own.images)
+        return replace(measurement, images=images) if images else measurement
 
     def decide(
         self,

@@ -422,6 +422,7 @@ def with_safety_layer(
         memory=first_memory(controller),
         compiled=controller.compiled,
         keeps_tip=controller.keeps_tip,
+        sees=controller.sees,
     )
 
 

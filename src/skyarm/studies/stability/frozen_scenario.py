@@ -48,10 +48,12 @@ def nominal(scenario: Scenario) -> Scenario:
         ScenarioError: a law that turns rotors: channels and lags of their servos are
             not reckoned; or air or a force whose memory moves with the plant or follows
             its state; or rotors and joints with delays of their own.
-        ControllerError: an autopilot: its program cannot be linearised.
+        ControllerError: an autopilot, whose program cannot be linearised, or a law that
+            sees pictures.
     """
-    if autopilot_of(scenario.agent.controller) is not None:
-        scenario.agent.controller.require_compiled("a margin")
+    law = scenario.agent.controller
+    if autopilot_of(law) is not None or law.sees:
+        law.require_compiled("a margin")
     if scenario.agent.delays.apart:
         raise ScenarioError(
             "delays.rotors, delays.joints: must be left out of margins, which know"

@@ -1,0 +1,137 @@
+"""Pictures on their way from cameras to the laws, endings and policies that see them.
+
+A picture is computed outside of the traced program, at the camera's instants, from the
+state of the loop. The program finds the newest one that has arrived among the numbers
+of its state, which no control period changes.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from math import prod
+from typing import Any
+
+import numpy as np
+
+from skyarm.records.arrays import AnyArray, Array
+from skyarm.records.leaves import leaves, rebuild
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.images import cameras_of
+from skyarm.simulate.loop_state import LoopState
+
+Present = Callable[[AnyArray], tuple[LoopState, dict[str, Any]]]
+
+NEVER = sys.maxsize
+"""Number of a control period that never comes."""
+
+
+class ArrivingPictures:
+    """Pictures of some cameras in flights of a scenario, from instant to arrival.
+
+    Args:
+        scenario: scenario of the flights.
+        names: names of the cameras (:func:`skyarm.simulate.images.cameras_of`).
+        lanes: number of flights.
+
+    Attributes:
+        taken: time and depths (places, lanes, 1 + pixels) of the pictures on their way
+            and of the newest, by camera; NaN before the first.
+    """
+
+    def __init__(
+        self, scenario: Scenario, names: Sequence[str], lanes: int = 1
+    ) -> None:
+        self._scenario: Scenario | None = None
+        self._clocks = dict[str, tuple[int, int]]()
+        self.taken = dict[str, Array]()
+        cameras, rate = cameras_of(scenario), scenario.rates.control
+        for name in names:
+            sensor = cameras[name]
+            every, late = round(rate / sensor.frequency), round(sensor.latency * rate)
+            self._clocks[name] = every, late
+            size = -(-late // every) + 1, lanes, 1 + prod(sensor.shape)
+            self.taken[name] = np.full(size, np.nan)
+
+    def next(self, tick: int) -> int:
+        """First control period after ``tick`` in which a picture is taken or
+        arrives.
+        """
+        return min(
+            (
+                ((tick - delay) // every + 1) * every + delay
+                for every, late in self._clocks.values()
+                for delay in (0, late)
+            ),
+            default=NEVER,
+        )
+
+    def look(
+        self, scenario: Scenario, ticks: AnyArray, lanes: AnyArray, present: Present
+    ) -> Iterator[Array]:
+        """Take the pictures of this instant; give time and depths (m, 1 + pixels) of
+        the newest that has arrived, of each camera.
+
+        Args:
+            scenario: scenario that flies now.
+            ticks: (m,) numbers of the control periods.
+            lanes: (m,) numbers of the flights.
+            present: function from numbers of flights to the state of their loops, and
+                to their numbers and keys (``Eyes.lane_depths``).
+        """
+        # most flights see nothing, so the module is loaded by those that do
+        from skyarm.simulate.eyes import Eyes
+
+        if scenario is not self._scenario:
+            self._scenario, self._eyes = scenario, Eyes(scenario)
+        for name, (every, late) in self._clocks.items():
+            taken = self.taken[name]
+            # one that begins, or sees from now on, has this picture in all places
+            fresh = np.isnan(taken[0, lanes, 0])
+            due = fresh | (ticks % every == 0)
+            if due.any():
+                now, own = present(lanes[due])
+                counts = ticks[due]
+                times = counts / scenario.rates.control
+                depths = self._eyes.lane_depths(name, now, times, counts, **own)
+                rows = np.hstack([times[:, None], depths.reshape(len(times), -1)])
+                taken[:, lanes[fresh]] = rows[fresh[due]]
+                taken[counts // every % len(taken), lanes[due]] = rows
+            yield taken[(ticks - late) // every % len(taken), lanes]
+
+
+class FlightPictures(ArrivingPictures):
+    """Pictures that the laws and endings of one flight see.
+
+    Args:
+        scenario: scenario of the flight. example: state of its loop.
+
+    Attributes:
+        pixels: places of pictures among the numbers of the loop's state.
+    """
+
+    def __init__(self, scenario: Scenario, example: LoopState) -> None:
+        self._example = example
+        # floats, as an int would be structure
+        numbers = rebuild(example, map(float, range(len(leaves(example)))))
+        self._places = {
+            f"{agent}.{image.sensor}" if scenario.is_team else image.sensor: (
+                np.array(leaves(image), int)
+            )
+            for agent, own in zip(scenario.agents, numbers.agents, strict=True)
+            for image in own.images
+        }
+        self.pixels = [i for place in self._places.values() for i in place]
+        super().__init__(scenario, [*self._places])
+
+    def write(self, scenario: Scenario, tick: int, carry: Array) -> None:
+        """Write the newest pictures into the numbers of the loop's state."""
+        if self._places:
+            newest = self.look(
+                scenario,
+                np.array([tick]),
+                np.zeros(1, int),
+                lambda _: (rebuild(self._example, iter(carry[:, None])), {}),
+            )
+            for place, row in zip(self._places.values(), newest, strict=True):
+                carry[place] = row[0]
