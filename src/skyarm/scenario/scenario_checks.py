@@ -418,10 +418,20 @@ def sensors_suffice(scenario: Scenario) -> None:
     )
 
 
-@rule("controller", "sensors", "endings", numbers=False)
+@rule("controller", "sensors", "endings", "environment", numbers=False)
 def pictures_are_taken(scenario: Scenario) -> None:
-    """Check that the law and the endings see cameras or lidars of the vehicle."""
+    """Check that the law and the endings see cameras or lidars of the vehicle, and
+    these no heightfield.
+    """
     cameras = [each.name for each in scenario.agent.cameras]
+    surfaces = [each for world in scenario.worlds for each in world.surfaces]
+    # no ray is computed against one: a picture without it would show what is behind
+    for each in surfaces if cameras else ():
+        if each.shape == "heightfield":
+            raise ValueError(
+                f"sensors.{cameras[0]}: sees no heightfields, must be left out beside"
+                f" the one of world.surfaces[{each.name}]"
+            )
     sees = {"controller": scenario.agent.controller.sees}
     sees |= {f"endings[{i}]": each.sees for i, each in enumerate(scenario.endings)}
     for where, names in sees.items():

@@ -193,7 +193,7 @@ class Eyes:
         for agent, vehicle in scenario.vehicles.items():
             bases[agent] = len(shapes) - BASE
             for link, name in enumerate(body_names(vehicle), BASE):
-                own = [each for each in vehicle.collisions if each.link == link]
+                own = [each for each in vehicle.shapes if each.link == link]
                 parts = [part_of_vehicle(each, Material()) for each in own]
                 shapes.append((f"{agent}.{name}" if several else name, parts))
         self.bodies = ("", *(name for name, _ in shapes))
