@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.algebra.scalars.philox import normal
-from skyarm.log.flight_log import Log
+from skyarm.log.flight_log import Log, rows_of
 from skyarm.records.arrays import Array, IntArray, doubles, stack_values
 from skyarm.records.files import must_be_one_of
 from skyarm.records.immutable import immutable, positional
@@ -243,18 +243,20 @@ class Eyes:
         """Pictures of a flight from its log, one at a time, when the sensor is due."""
         ticks = np.rint(log.time * self._scenario.rates.control).astype(int)
         rows = np.flatnonzero(ticks % self._of(name).every == 0)
-        carried = {each: log.component(each) for each in CARRIED}
         for begin in range(0, len(rows), AT_ONCE):
-            some = rows[begin : begin + AT_ONCE]
+            chosen = rows[begin : begin + AT_ONCE]
+            # arrays of a long flight are read from its file at every access
+            part = rows_of(log, slice(chosen[0], chosen[-1] + 1))
+            some = chosen - chosen[0]
             seen = _Instants(
-                log.time[some],
+                part.time[some],
                 [
                     (each.position[some], each.quaternion[some], each.joints[some])
-                    for each in log.agents.values()
+                    for each in part.agents.values()
                 ],
-                {each: array[some] for each, array in carried.items()},
+                {each: part.component(each)[some] for each in CARRIED},
             )
-            yield from self._frames(name, seen, ticks[some])
+            yield from self._frames(name, seen, ticks[chosen])
 
     def depths(
         self,

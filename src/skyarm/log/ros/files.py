@@ -7,6 +7,8 @@ import json
 import os
 from collections import Counter
 from collections.abc import Iterator
+from heapq import merge
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +16,17 @@ from skyarm.log.contents import log_info
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.formats import log_from_npz, npz_content
 from skyarm.log.ros.messages import definition, full_name
+from skyarm.log.ros.pictures import PictureTopic, foxglove_layout
 from skyarm.log.ros.topics import FlightTopics, Topic
 from skyarm.records.files import needs_extra, shown, versions
-from skyarm.records.files.writing import writing_atomically
+from skyarm.records.files.writing import write_atomically, writing_atomically
 
 INFO, SCENARIO, ARRAYS = "info.json", "scenario.json", "flight.npz"
 """Attachments of an MCAP file: description of the flight, scenario as plain data, and
 the log as an npz file, from which it is read back."""
+
+LAYOUT = ".foxglove.json"
+"""Suffix of the layout file beside a flight with cameras."""
 
 CHUNK = 1 << 19
 """Size (bytes) of a chunk, about a second of flight."""
@@ -31,6 +37,8 @@ PIECE = 10_000
 
 def write_mcap(log: Log, path: Path) -> Path:
     """Write a log as an MCAP file; equal flights give equal bytes.
+
+    Beside a flight with cameras stands a layout for Foxglove, ``NAME.foxglove.json``.
 
     Raises:
         ValueError: mcap is missing. OSError: it cannot be written.
@@ -67,7 +75,8 @@ def write_mcap(log: Log, path: Path) -> Path:
         schemas: dict[str, int] = {}
         channels: dict[str, int] = {}
         numbers: Counter[str] = Counter()
-        for topic in topics.topics:
+        seen = [topic for each in topics.pictures for topic in each.topics]
+        for topic in (*topics.topics, *seen):
             if topic.kind not in schemas:
                 text = definition(topic.kind, topics.definitions).encode()
                 schemas[topic.kind] = writer.register_schema(
@@ -77,12 +86,18 @@ def write_mcap(log: Log, path: Path) -> Path:
                 channels[topic.name] = writer.register_channel(
                     topic.name, "cdr", schemas[topic.kind]
                 )
-        for stamp, topic, data in _messages(topics, log):
+        # pictures are not sorted in pieces with the others: one is in memory at a time
+        pictures = (each.of_log(log) for each in topics.pictures)
+        rows = merge(_messages(topics, log), *pictures, key=itemgetter(0))
+        for stamp, topic, data in rows:
             writer.add_message(
                 channels[topic.name], stamp, data, stamp, numbers[topic.name]
             )
             numbers[topic.name] += 1
         writer.finish()
+    if topics.pictures:
+        text = json.dumps(foxglove_layout(topics.pictures), indent=1)
+        write_atomically(path.with_suffix(LAYOUT), text.encode())
     return path
 
 
@@ -113,7 +128,9 @@ def read_mcap(path: Path) -> Log:
     return log_from_npz(flight, name)
 
 
-def _messages(topics: FlightTopics, log: Log) -> Iterator[tuple[int, Topic, bytes]]:
+def _messages(
+    topics: FlightTopics, log: Log
+) -> Iterator[tuple[int, Topic | PictureTopic, bytes]]:
     """Yield time (ns), topic and bytes of every ROS message of a log, ordered by
     time.
     """

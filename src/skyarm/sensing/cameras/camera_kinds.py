@@ -142,6 +142,12 @@ class RaySensor(Sensor):
         """Numbers of rows and columns of a picture."""
         raise NotImplementedError(f"{type(self).__name__} must define shape")
 
+    def intrinsics(self) -> tuple[float, float, float, float] | None:
+        """Focal lengths and principal point fx, fy, cx, cy (pixels) of an image plane;
+        None without one.
+        """
+        return None
+
     def directions(self) -> Array:
         """Directions (rows, columns, 3) of the rays, optical axes, whose length is one
         unit of depth.
