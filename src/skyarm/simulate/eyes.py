@@ -239,10 +239,17 @@ class Eyes:
         (frame,) = self._frames(name, seen, np.array([tick]))
         return frame
 
+    def _ticks(self, log: Log) -> IntArray:
+        return np.rint(log.time * self._scenario.rates.control).astype(int)
+
+    def rows(self, name: str, log: Log) -> IntArray:
+        """Instants of a log at which a sensor is due."""
+        return np.flatnonzero(self._ticks(log) % self._of(name).every == 0)
+
     def frames(self, name: str, log: Log) -> Iterator[Frame]:
         """Pictures of a flight from its log, one at a time, when the sensor is due."""
-        ticks = np.rint(log.time * self._scenario.rates.control).astype(int)
-        rows = np.flatnonzero(ticks % self._of(name).every == 0)
+        ticks = self._ticks(log)
+        rows = self.rows(name, log)
         for begin in range(0, len(rows), AT_ONCE):
             chosen = rows[begin : begin + AT_ONCE]
             # arrays of a long flight are read from its file at every access

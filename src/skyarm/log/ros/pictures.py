@@ -39,8 +39,9 @@ FIELDS, PANELS = shipped_tables(__file__).values()
 POINT = np.dtype([("xyz", "<f4", 3), ("segment", "<u4")])
 """Point of a cloud: place (m) and number of the body."""
 
-MOST_BYTES = 256
-"""Largest number of names whose numbers fit into a byte."""
+MOST_BYTES = 255
+"""Largest number of names whose numbers fit into a byte, of which vision_msgs reserves
+the last."""
 
 
 @positional

@@ -1,0 +1,63 @@
+"""Depth pictures of a flight's cameras and lidars at some instants."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skyarm.log.flight_log import rows_of
+from skyarm.simulate.eyes import Eyes
+from skyarm.view.figures.flight_facts import Named, Span
+from skyarm.view.figures.style import PAPER, Picture
+
+INSTANTS = 4
+"""Largest number of pictures of a camera, from the first to the last."""
+
+TALL, BAR = 1.6, 0.12
+"""Height (in) of a picture, and widths of it that a colour bar takes."""
+
+
+def depth_figure(flights: Named, span: Span) -> Picture:
+    """Draw some depth pictures of each camera and lidar over a time interval, with a
+    colour bar in m; what has no depth is grey.
+
+    Args:
+        flights: words of the legend -> log.
+        span: first and last instant, s.
+
+    Raises:
+        ValueError: one line: no camera, or none with a picture within the interval.
+    """
+    rows = []
+    for label, log in flights.items():
+        eyes = Eyes(log.scenario)
+        for name in eyes.names:
+            due = [i for i in eyes.rows(name, log) if span[0] <= log.time[i] <= span[1]]
+            chosen = np.linspace(0, len(due) - 1, min(INSTANTS, len(due))).astype(int)
+            seen = [
+                frame
+                for i in chosen
+                for frame in eyes.frames(name, rows_of(log, slice(due[i], due[i] + 1)))
+            ]
+            if seen:
+                rows.append((f"{label}: {name}" if len(flights) > 1 else name, seen))
+    if not rows:
+        raise ValueError(
+            "kind = 'depth': must be another one, for the flights have no pictures of"
+            " cameras in this window"
+        )
+    figure = PAPER.blank(PAPER.wide, TALL * len(rows))
+    grid = figure.subplots(len(rows), INSTANTS, squeeze=False)
+    for axes, (label, seen) in zip(grid, rows, strict=True):
+        known = np.concatenate([each.depth[np.isfinite(each.depth)] for each in seen])
+        least, most = (known.min(), known.max()) if known.size else (0.0, 1.0)
+        for ax in axes:
+            ax.set_axis_off()
+        for ax, frame in zip(axes, seen, strict=False):
+            depth = np.ma.masked_invalid(frame.depth)
+            image = ax.imshow(depth, "viridis_r", aspect="auto", vmin=least, vmax=most)
+            image.cmap.set_bad(PAPER.grid)
+            ax.set_title(f"{label}, {frame.time:g} s", **PAPER.small_words)
+        bar = figure.colorbar(image, ax=axes, pad=0.01)
+        bar.ax.tick_params(labelsize=PAPER.small, labelfontfamily=PAPER.font[0])
+        bar.set_label("depth [m]", **PAPER.small_words)
+    return figure
