@@ -16,9 +16,10 @@ from skyarm.records.files import PathLike, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit, nonnegative, units
 from skyarm.view.figures.flight_facts import drawn_scenario, end_time
-from skyarm.view.film.camera_paths import CAMERAS
+from skyarm.view.film.camera_paths import CAMERAS, camera_named, hides
 from skyarm.view.film.captions import Captions, FrameLayout, frame_layout
 from skyarm.view.film.filmed_flight import FilmedFlight, film_flights
+from skyarm.view.film.insets import with_insets
 from skyarm.view.film.video_files import require_film_format
 from skyarm.view.picture.frames import Flights, by_flight
 from skyarm.view.picture.marks import ghost_solids, marks_of, vehicle_solids
@@ -61,6 +62,9 @@ def make_film(
     times = frame_times(logs, chosen)
     filmed = film_flights(logs, times, labels)
     frames = film_frames(filmed, times, _with_title(chosen, logs), progress)
+    if chosen.inset is not None:
+        panels = _layout(filmed, chosen).panels
+        frames = with_insets(frames, panels, logs, times, chosen.inset)
     return write(path, frames, (chosen.width, chosen.height), chosen.fps, len(times))
 
 
@@ -100,10 +104,7 @@ def film_frames(
         NoDisplayError: nothing can be drawn on this machine.
     """
     width, height = settings.width, settings.height
-    agents = [len(team) for team in by_flight(flights)]
-    layout = frame_layout(
-        width, height, len(agents), settings.layout, plot=settings.plot, agents=agents
-    )
+    layout = _layout(flights, settings)
     captions = Captions(flights, times, layout, settings.title or "")
     with open_stage(
         film_panels(flights, times, settings, layout), width, height, fine=settings.fine
@@ -112,6 +113,18 @@ def film_frames(
             yield captions.frame(stage.draw(k), k)
             if progress is not None:
                 progress(k + 1, len(times))
+
+
+def _layout(flights: Flights, settings: FilmSettings) -> FrameLayout:
+    agents = [len(team) for team in by_flight(flights)]
+    return frame_layout(
+        settings.width,
+        settings.height,
+        len(agents),
+        settings.layout,
+        plot=settings.plot,
+        agents=agents,
+    )
 
 
 def film_panels(
@@ -124,15 +137,22 @@ def film_panels(
     paths = _cameras(together, times, settings, layout)
     panels = []
     for box, inside, path in zip(layout.panels, together, paths, strict=True):
-        solids = [solid for flight in inside for solid in vehicle_solids(flight)]
-        if settings.ghost:
+        solids = [
+            solid
+            for flight in inside
+            for solid in vehicle_solids(flight)
+            if not hides(flight, settings.camera, solid.shape)
+        ]
+        # a sensor sees neither desired poses nor marks
+        free = settings.camera in CAMERAS
+        if settings.ghost and free:
             solids += [
                 solid
                 for flight in by_flight(inside)[0]
                 for solid in ghost_solids(flight)
             ]
         booms = max(longest_boom(flight.vehicle) for flight in inside)
-        marks = marks_of(inside, booms, layout.scale)
+        marks = marks_of(inside, booms, layout.scale) if free else lambda _: ()
         panels.append(
             FramePanel(
                 box.left,
@@ -159,12 +179,12 @@ def _cameras(
     """
     seconds = (times - times[0]) / settings.speed
     every = [flight for inside in together for flight in inside]
-    path = CAMERAS[settings.camera]
+    path = camera_named(settings.camera, every)
     aspect = min(box.width / box.height for box in layout.panels)
     desired = [
         np.stack([flight.desired_position for flight in inside]) for inside in together
     ]
-    if all(
+    if settings.camera in CAMERAS and all(
         each.shape == desired[0].shape and np.allclose(each, desired[0], atol=1e-3)
         for each in desired
     ):
@@ -200,7 +220,9 @@ class FilmSettings:
         layout: "side" (a panel for each flight, side by side) or "over" (all flights in
             one).
         camera: "follow" (goes with the desired position), "fixed" (stands still and
-            sees all of the flight) or "tip" (close to the desired place of the tip).
+            sees all of the flight), "tip" (close to the desired place of the tip) or
+            the name of a depth camera of the flights.
+        inset: name of a depth camera, whose picture is in a corner of its panel.
         width, height: pixels, even numbers.
         fps: frames a second of the film. speed: seconds of flight a second of the film.
         start, stop: s of flight; to the end if ``stop`` is left out.
@@ -212,7 +234,8 @@ class FilmSettings:
     """
 
     layout: Layout = "side"
-    camera: Camera = "follow"
+    camera: str = "follow"
+    inset: str | None = None
     width: Side = 1280
     height: Side = 720
     fps: Annotated[int, Unit("1/s", "frames a second of the film", low=1, high=120)] = (

@@ -8,7 +8,7 @@ time. Those of a log are resampled by :mod:`skyarm.view.film.filmed_flight`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from itertools import groupby
@@ -23,6 +23,7 @@ from skyarm.plant.surroundings import motions_of
 from skyarm.records.arrays import Array, float_array
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Agent, Scenario
+from skyarm.sensing.cameras.camera_kinds import RaySensor
 from skyarm.simulate.inputs import EpisodeInputs, table_of
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.stages import Stages
@@ -66,6 +67,7 @@ class FlightFrames(Instants):
         tilts: (F, rotors that tilt) rad; without columns where none does.
         scene: solids, lines and arrows of the scenario's components; of what vehicles
             share only with the first.
+        cameras: depth cameras of the vehicle by name, as of :class:`skyarm.Session`.
     """
 
     label: str
@@ -80,6 +82,7 @@ class FlightFrames(Instants):
     air: Array
     scene: Scene = field(default_factory=Scene)
     number: int = 0
+    cameras: Mapping[str, RaySensor] = field(default_factory=dict)
 
     @cached_property
     def desired_poses(self) -> Poses:
