@@ -309,7 +309,8 @@ class Log:
         Raises:
             ValueError: one line: no such sensor, or as :attr:`scenario`.
         """
-        frames: Iterator[Any] = import_module(EYES).frames_of(self, sensor)
+        eyes = import_module(EYES).Eyes(self.scenario)
+        frames: Iterator[Any] = eyes.frames(sensor, self)
         return frames
 
     @property

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache, partial
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -25,10 +26,10 @@ from skyarm.control.controller import (
 from skyarm.control.law_checks import check_controller
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import State
-from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.actuators import Mixer, make_mixer
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.dynamics.actuators.rotor import require_speeds
+from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import check_largest_step
 from skyarm.plant.surroundings import motions_of
@@ -42,7 +43,7 @@ from skyarm.reference.trajectory import Trajectory
 from skyarm.scenario.endings import BodyCollision, BodyContact, RotorContact
 from skyarm.scenario.paths import errors_of_agent, is_below
 from skyarm.scenario.scenario_record import (
-    NamedSensor,
+    Agent,
     Scenario,
     ScenarioError,
     first_state,
@@ -770,32 +771,43 @@ def begin(scenario: Scenario) -> None:
     for contact in scenario.worlds:
         motion = motions_of(truths, states, tuple(scenario.agents))[0]
         contact.require_within_reach(motion)
+        cameras = any(each.cameras for each in scenario.agents.values())
         # of a batch each lane shows itself
-        if contact.vehicle_bodies and concrete(*leaves((contact, *states, *truths))):
+        if (cameras or contact.vehicle_bodies) and concrete(
+            *leaves((contact, *states, *truths))
+        ):
             from skyarm.world.contact.initial_world import require_bodies_apart
 
             require_bodies_apart(contact, motion)
-        for name, each in scenario.agents.items():
-            for camera in each.cameras:
-                _require_clear_view(contact, motion.of(name), camera)
+            _require_clear_views(contact, scenario.agents, motion)
 
 
-def _require_clear_view(
-    contact: Contact, motion: PointMotion, camera: NamedSensor
+def _require_clear_views(
+    contact: Contact, agents: Mapping[str, Agent], motion: PointMotion
 ) -> None:
-    """Raise an error if a camera starts inside a body that it may see."""
-    from skyarm.world.contact.initial_world import body_around
+    """Raise an error if a camera starts inside a surface or a movable body."""
+    from skyarm.world.contact.contact_point import ContactPoint
 
-    sensor = camera.sensor
-    body = sensor.body_of(motion.vehicle)
-    own = None if sensor.sees_own_link else (motion.name, body)
-    inside = body_around(contact, motion, motion.position(sensor.position, body), own)
-    if inside:
-        place = shown([float(each) for each in sensor.position])
-        raise ValueError(
-            f"sensors.{camera.name}.position = {place}: starts inside {inside!r}, must"
-            " start outside"
+    places = tuple(
+        ContactPoint(
+            name=f"sensors.{each.name}.position",
+            body=each.sensor.link,
+            position=each.sensor.position,
+            agent=name,
         )
+        for name, agent in agents.items()
+        for each in agent.cameras
+    )
+    seeing = replace(contact, points=places)
+    meetings = seeing.meetings(seeing.start(1.0, ()), motion)
+    for each in meetings[: seeing.logged_pairs]:
+        if each.touch.depth > 0.0:
+            where = places[each.index]
+            given = shown([float(c) for c in where.position])
+            raise ValueError(
+                f"{where.name} = {given}: starts inside {each.surface!r}, must start"
+                " outside"
+            )
 
 
 def _require_start_outside(scenario: Scenario, name: str, state: State) -> None:

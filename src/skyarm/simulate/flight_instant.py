@@ -90,7 +90,7 @@ class FlightInstant:
         return self._engine.reference()
 
     def frame(self, sensor: str) -> Frame:
-        """What a camera or lidar sees now.
+        """Picture of a camera or lidar from the present state.
 
         Args:
             sensor: name of the sensor, as ``wrist``, or ``left.wrist`` of several

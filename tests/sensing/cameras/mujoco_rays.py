@@ -5,9 +5,10 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from skyarm.algebra import Vec3
+from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.sensing.cameras.ray_casting import RayCaster
 from skyarm.world.contact.surface import Surface
+from skyarm.world.contact.vehicle_bodies import Part
 
 KINDS = ("sphere", "capsule", "box", "cylinder", "mesh")
 
@@ -62,13 +63,18 @@ def surface_of(model, geom):
     )
 
 
+def caster_of(directions, surfaces):
+    """Our rays against surfaces, each a body of its own."""
+    parts = [Part(each, Mat3.identity(), ZERO3) for each in surfaces]
+    return RayCaster(directions, np.arange(len(parts)), parts)
+
+
 class Ours:
     """Our rays in a scene of MuJoCo's."""
 
     def __init__(self, model, data, directions):
-        self.caster = RayCaster(
-            directions, [surface_of(model, i) for i in range(model.ngeom)]
-        )
+        surfaces = [surface_of(model, i) for i in range(model.ngeom)]
+        self.caster = caster_of(directions, surfaces)
         self.turns = data.geom_xmat.reshape(-1, 3, 3)
         self.places = data.geom_xpos
 

@@ -44,7 +44,7 @@ def test_rays_of_a_lidar_have_its_elevations_and_azimuths():
     x, y, z = np.moveaxis(lidar.directions() @ R_MO.T, -1, 0)
     np.testing.assert_allclose(x * x + y * y + z * z, 1.0, atol=1e-15)
     # first row at the top, first column at the left
-    up = np.broadcast_to(np.array([[0.4], [0.1], [-0.2]]), (3, 4))
+    up = np.broadcast_to(np.array([[0.3], [0.1], [-0.1]]), (3, 4))
     np.testing.assert_allclose(np.arcsin(z), up, atol=1e-12)
     left = np.broadcast_to([0.3, 0.1, -0.1, -0.3], (3, 4))
     np.testing.assert_allclose(np.arctan2(y, x), left, atol=1e-12)

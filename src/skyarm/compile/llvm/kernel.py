@@ -28,7 +28,6 @@ from skyarm.compile.tracing.lower import operations
 from skyarm.compile.tracing.program import Loop, trace_loop
 from skyarm.compile.tracing.tracer import pause_collection
 from skyarm.records.arrays import AnyArray as Array
-from skyarm.records.arrays import IntArray
 from skyarm.records.immutable import positional
 
 if TYPE_CHECKING:
@@ -163,10 +162,10 @@ class Kernel:
         self.logging = logging
         text = written or Assembly.of(loop, self.lanes, logging=logging, effort=effort)
         self.engine = _make_engine(text.text, text.effort)
-        self.address: int = self.engine.get_function_address(CALL)
-        self.quick = QUICK(self.address)
+        address = self.engine.get_function_address(CALL)
+        self.quick = QUICK(address)
         self.machine = Machine(
-            SIGNATURE(self.address), self.engine, GUESS * max(1, text.size)
+            SIGNATURE(address), self.engine, GUESS * max(1, text.size)
         )
 
     @property
@@ -259,48 +258,6 @@ class Kernel:
             result[:, : shape[1]] = values
         result[:, shape[1] :] = result[:, shape[1] - 1 : shape[1]]
         return result
-
-
-JOB = 1 + 12
-"""Numbers of a job: a kernel's address, then the arguments of its machine code."""
-
-_EACH = f"""
-define void @each(ptr %jobs, i64 %count) {{
-entry:
-  br label %head
-head:
-  %k = phi i64 [ 0, %entry ], [ %next, %body ]
-  %more = icmp slt i64 %k, %count
-  br i1 %more, label %body, label %done
-body:
-  %at = mul i64 %k, {JOB}
-  %job = getelementptr i64, ptr %jobs, i64 %at
-  %function = load ptr, ptr %job, align 8
-  %arguments = getelementptr i64, ptr %job, i64 1
-  call void %function(ptr %arguments)
-  %next = add i64 %k, 1
-  br label %head
-done:
-  ret void
-}}
-"""
-
-
-def run_jobs(jobs: IntArray) -> None:
-    """Run many kernels in one call of machine code, in order.
-
-    Args:
-        jobs: (jobs, JOB) contiguous; the caller holds kernels and arrays.
-    """
-    _, call = _each()
-    call(jobs.ctypes.data, len(jobs))
-
-
-@cache
-def _each() -> tuple[Any, Any]:
-    engine = _make_engine(_EACH, FULL)
-    call = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)
-    return engine, call(engine.get_function_address("each"))
 
 
 def _keys(seed: int, episodes: Array, lanes: int, padded: int) -> Array:

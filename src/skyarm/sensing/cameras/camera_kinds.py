@@ -43,6 +43,11 @@ WIDEST = 3.0
 Range = tuple[Scalar, Scalar]
 
 
+def body_names(vehicle: Vehicle) -> list[str]:
+    """Names of a vehicle's bodies: base, then the links."""
+    return [BASE_NAME, *(each.name for each in vehicle.moving)]
+
+
 @immutable
 @checked("")
 class DepthNoise:
@@ -160,7 +165,7 @@ class RaySensor(Sensor):
         Raises:
             RecordError: the vehicle has no such link.
         """
-        names = [BASE_NAME, *(each.name for each in vehicle.moving)]
+        names = body_names(vehicle)
         if self.link not in names:
             refuse("link", self.link, must_be_one_of(names, self.link))
         return names.index(self.link) + BASE
@@ -233,21 +238,12 @@ class DepthCamera(RaySensor):
 class Lidar(RaySensor):
     """Lidar: distance along each ray of a fan of rows and columns, m.
 
-    Attributes:
-        rows: spread evenly over ``elevation``, both ends included; one is in the
-            middle.
-        columns: middles of equal parts of ``azimuth``, so that a full turn has no ray
-            twice.
+    Rays go through the middles of equal parts of ``elevation`` and ``azimuth``, so that
+    a full turn has no ray twice.
     """
 
     sizes: ClassVar[str] = "rows, columns"
 
-    frequency: Annotated[
-        float, positive("Hz", "pictures a second; divides the control rate", fixed=True)
-    ] = 10.0
-    farthest: Annotated[
-        Scalar, positive("m", "largest range; what is farther reads inf", fixed=True)
-    ] = 30.0
     rows: Annotated[int, Unit("", "number of rows", low=1, fixed=True)] = 16
     columns: Annotated[int, Unit("", "number of columns", low=1, fixed=True)] = 360
     elevation: Annotated[
@@ -259,14 +255,14 @@ class Lidar(RaySensor):
             high=0.5 * math.pi,
             fixed=True,
         ),
-    ] = (-0.26, 0.26)
+    ] = (-0.28, 0.28)
     azimuth: Annotated[
         Range,
         Unit(
             "rad",
-            "first and last azimuth about the mount's z axis, 0 ahead, left positive",
-            low=-2.0 * math.pi,
-            high=2.0 * math.pi,
+            "azimuths about the mount's z axis, 0 ahead, left positive",
+            low=-math.pi,
+            high=math.pi,
             fixed=True,
         ),
     ] = (-math.pi, math.pi)
@@ -275,8 +271,8 @@ class Lidar(RaySensor):
         RaySensor.__post_init__(self)
         for name in ("elevation", "azimuth"):
             low, high = getattr(self, name)
-            if not low <= high or high - low > 2.0 * math.pi + 1e-9:
-                refuse(name, [low, high], "must rise, by one turn at most")
+            if not low < high:
+                refuse(name, [low, high], "must rise")
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -285,17 +281,12 @@ class Lidar(RaySensor):
 
     def directions(self) -> Array:
         """Unit vectors (rows, columns, 3) of the rays, optical axes."""
-        low, high = map(float, self.elevation)
-        right, left = map(float, self.azimuth)
-        down = 0.5 * (low + high) if self.rows == 1 else None
-        up = np.linspace(high, low, self.rows) if down is None else np.array([down])
-        share = (np.arange(self.columns) + 0.5) / self.columns
-        about, above = np.meshgrid(left + (right - left) * share, up)
-        return np.stack(
-            [
-                -np.cos(above) * np.sin(about),
-                -np.sin(above),
-                np.cos(above) * np.cos(about),
-            ],
-            axis=-1,
+        angles = (self.azimuth, self.columns), (self.elevation, self.rows)
+        left, up = np.meshgrid(
+            *(
+                high - (high - low) * (np.arange(count) + 0.5) / count
+                for (low, high), count in angles
+            )
         )
+        x, z = -np.cos(up) * np.sin(left), np.cos(up) * np.cos(left)
+        return np.stack([x, -np.sin(up), z], axis=-1)

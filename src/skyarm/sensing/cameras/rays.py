@@ -12,33 +12,68 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import reduce
+from typing import Any
 
-from skyarm.algebra import Mat3, Scalar, Vec3
+from skyarm.algebra import Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import (
     absolute,
     divide,
     logical_and,
+    logical_or,
     maximum,
     minimum,
     sqrt,
     where,
 )
+from skyarm.compile.tracing.lower import compiled_once, compute_where, repeat
 from skyarm.records.immutable import positional
+from skyarm.world.contact.surface import from_plate
 
 TINY = 1e-300
 """Least divisor: a ray along a face or an axis meets it far away."""
 
-Interval = tuple[Scalar, Scalar]
-"""First and last t of a ray in a convex shape."""
+STEPS, CLOSE = 2000, 1e-10
+"""Most steps of a ray to a plate with a hole, and distance (m) at which it has met
+it."""
 
 SIZES = 5
 """Largest number of sizes of a shape."""
 
+Interval = tuple[Scalar, Scalar]
+"""First and last t of a ray in a convex shape."""
 
-def _both(*intervals: Interval) -> Interval:
-    """Interval of a ray in all of several convex shapes; empty where it misses one."""
-    near = reduce(maximum, [each[0] for each in intervals])
-    far = reduce(minimum, [each[1] for each in intervals])
+
+@positional
+class ShapeRow:
+    """Shape, or face of a hull along z, as rays meet it.
+
+    Attributes:
+        rotation, eye: axes of the sensor and its place (m) in those of the shape.
+        middle, left: middle of a ball about the shape, optical axes (m), and its
+            distance squared less its radius squared (m^2); negative from within.
+        size: sizes (m). kind: index among the kinds of the program.
+        first: 1 for a shape and the first face of a hull.
+        number: of the shape, from 1 on; of a face 0 but for the last of its hull.
+    """
+
+    rotation: Mat3
+    eye: Vec3
+    middle: Vec3
+    left: Scalar
+    size: Scalars
+    kind: Scalar
+    first: Scalar
+    number: Scalar
+
+
+Sight = tuple[Scalar, Scalar, Scalar, Scalar]
+"""Depth of the nearest shape so far, its number, and the interval of a ray in the faces
+so far of a hull."""
+
+
+def _both(one: Interval, other: Interval) -> Interval:
+    """Interval of a ray in two convex shapes at once."""
+    near, far = maximum(one[0], other[0]), minimum(one[1], other[1])
     met = near <= far
     return where(met, near, math.inf), where(met, far, -math.inf)
 
@@ -51,7 +86,7 @@ def _slab(p: Scalar, d: Scalar, half: Scalar) -> Interval:
 
 
 def _round(p: Sequence[Scalar], d: Sequence[Scalar], radius: Scalar) -> Interval:
-    """Interval of a ray in a ball, or, in two dimensions, in a cylinder without an
+    """Interval of a ray in a ball, or, of two components, in a cylinder without an
     end.
     """
     square = maximum(sum(c * c for c in d), TINY)
@@ -63,161 +98,108 @@ def _round(p: Sequence[Scalar], d: Sequence[Scalar], radius: Scalar) -> Interval
     return where(met, middle - half, math.inf), where(met, middle + half, -math.inf)
 
 
-def _sphere(p: Vec3, d: Vec3, size: Sequence[Scalar]) -> Interval:
+def _sphere(p: Vec3, d: Vec3, size: Scalars) -> Interval:
     return _round((*p,), (*d,), size[0])
 
 
-def _box(p: Vec3, d: Vec3, size: Sequence[Scalar]) -> Interval:
-    rows = zip(p, d, size, strict=False)
-    return _both(*(_slab(a, b, 0.5 * each) for a, b, each in rows))
+def _box(p: Vec3, d: Vec3, size: Scalars) -> Interval:
+    halves = [0.5 * each for each in size[:3]]
+    return reduce(_both, map(_slab, p, d, halves))
 
 
-def _cylinder(p: Vec3, d: Vec3, size: Sequence[Scalar]) -> Interval:
+def _cylinder(p: Vec3, d: Vec3, size: Scalars) -> Interval:
     side = _round((p.x, p.y), (d.x, d.y), size[0])
     return _both(side, _slab(p.z, d.z, 0.5 * size[1]))
 
 
-def _capsule(p: Vec3, d: Vec3, size: Sequence[Scalar]) -> Interval:
+def _capsule(p: Vec3, d: Vec3, size: Scalars) -> Interval:
     half = 0.5 * size[1]
-    parts = [
-        _round((p.x, p.y, p.z + half), (*d,), size[0]),
-        _cylinder(p, d, size),
-        _round((p.x, p.y, p.z - half), (*d,), size[0]),
-    ]
-    near = reduce(minimum, [each[0] for each in parts])
-    return near, reduce(maximum, [each[1] for each in parts])
+    ends = [_round((p.x, p.y, p.z + z), (*d,), size[0]) for z in (half, -half)]
+    nears, fars = zip(_cylinder(p, d, size), *ends, strict=True)
+    return reduce(minimum, nears), reduce(maximum, fars)
 
 
-def _plane(p: Vec3, d: Vec3, size: Sequence[Scalar]) -> Interval:
-    # seen from outside alone
+def _plane(p: Vec3, d: Vec3, size: Scalars) -> Interval:
+    # it has no other side
     met = logical_and(p.z >= 0.0, d.z < -TINY)
-    return where(met, -divide(p.z, d.z), math.inf), -math.inf
+    return where(met, -divide(p.z, d.z), math.inf), math.inf
 
 
-def _hole(p: Vec3, d: Vec3, size: Sequence[Scalar]) -> Interval:
-    """First place of a plate with a hole, from both faces, bottom, side, hole and
-    chamfer.
+def _hole(p: Vec3, d: Vec3, size: Scalars) -> Interval:
+    """First place of a plate with a hole, by steps of the distance from it (Hart 1996,
+    Sphere tracing).
     """
-    radius, depth, chamfer, outer, length = size
-    mouth = radius + chamfer
-    places = [
-        *_turned(p, d, outer, 0.0, -length, 0.0),
-        *_turned(p, d, radius, 0.0, -depth, -chamfer),
-        *_turned(p, d, mouth, 1.0, -chamfer, 0.0),
-        _ring(p, d, 0.0, mouth, outer),
-        _ring(p, d, -depth, 0.0, radius),
-        _ring(p, d, -length, 0.0, outer),
-    ]
-    return reduce(minimum, places), -math.inf
+    pace = divide(1.0, sqrt(d.dot(d)))
+    reach = sqrt(p.dot(p)) + size[3] + size[4]
+
+    def step(record: tuple[Scalar, Scalar]) -> tuple[Scalar, Scalar]:
+        t = record[0]
+        away = absolute(from_plate(size, p + d * t)[0])
+        on = logical_and(away > CLOSE, t < reach * pace)
+        return t + away * pace, where(on, 1.0, 0.0)
+
+    t, _ = repeat(STEPS, step, (0.0 * pace, 1.0), until=1)
+    return where(t < reach * pace, t, math.inf), math.inf
 
 
-def _ring(p: Vec3, d: Vec3, z: Scalar, inner: Scalar, outer: Scalar) -> Scalar:
-    """Place at which a ray meets a ring at a height z; infinity for none."""
-    t = divide(z - p.z, where(absolute(d.z) < TINY, TINY, d.z))
-    x, y = p.x + d.x * t, p.y + d.y * t
-    square = x * x + y * y
-    met = logical_and(square >= inner * inner, square <= outer * outer)
-    return where(logical_and(met, t >= 0.0), t, math.inf)
+def _face(p: Vec3, d: Vec3, size: Scalars) -> Interval:
+    """Interval of a ray below a face of a hull."""
+    t = -divide(p.z, where(absolute(d.z) < TINY, TINY, d.z))
+    falls = d.z < 0.0
+    return where(falls, t, -math.inf), where(falls, math.inf, t)
 
 
-def _turned(
-    p: Vec3, d: Vec3, radius: Scalar, slope: float, low: Scalar, high: Scalar
-) -> list[Scalar]:
-    """Both places at which a ray meets a cylinder, or a cone whose radius grows with z,
-    between two heights; infinity for none.
-    """
-    wide, growth = radius + slope * p.z, slope * d.z
-    a = d.x * d.x + d.y * d.y - growth * growth
-    b = p.x * d.x + p.y * d.y - wide * growth
-    c = p.x * p.x + p.y * p.y - wide * wide
-    root = b * b - a * c
-    # no difference of numbers of one size (Numerical Recipes, section 5.6)
-    q = -(b + where(b < 0.0, -1.0, 1.0) * sqrt(maximum(root, 0.0)))
-    found = []
-    for t in (divide(q, a), divide(c, q)):
-        z = p.z + d.z * t
-        on = logical_and(z >= low, z <= high)
-        met = logical_and(logical_and(root >= 0.0, t >= 0.0), on)
-        found.append(where(met, t, math.inf))
-    return found
-
-
-MEETING: dict[str, Callable[[Vec3, Vec3, Sequence[Scalar]], Interval]] = {
+MEETING: dict[str, Callable[[Vec3, Vec3, Scalars], Interval]] = {
     "sphere": _sphere,
     "box": _box,
     "cylinder": _cylinder,
     "capsule": _capsule,
     "plane": _plane,
     "hole": _hole,
+    "hull": _face,
 }
-"""Interval of a ray in each shape but a hull, from origin, direction and sizes."""
-
-Hit = tuple[Scalar, Scalar]
-"""Distance to the nearest shape so far, and its number."""
+"""Interval of a ray in each shape, from origin, direction and sizes."""
 
 
-def nearer(hit: Hit, met: Interval, number: Scalar) -> Hit:
-    """Nearest of what was hit and a shape's interval; from within, its far side."""
-    near, far = met
-    t = where(near >= 0.0, near, far)
-    closer = logical_and(t >= 0.0, t < hit[0])
-    return where(closer, t, hit[0]), where(closer, number, hit[1])
+def meet(kinds: Sequence[str]) -> Callable[..., tuple[Sight, tuple[()]]]:
+    """Step of a traced loop whose lanes are rays and whose rows are shapes of some
+    kinds.
 
-
-@positional
-class Placed:
-    """Shape in optical axes as a ray meets it: rotation from these to its own axes, the
-    sensor's place in them (m), sizes (m) and number.
+    Rays that pass by a ball about the shape are left out at once.
     """
 
-    rotation: Mat3
-    eye: Vec3
-    size: tuple[Scalar, ...]
-    number: Scalar
+    def nearer(record: tuple[Sight, Vec3, ShapeRow]) -> Sight:
+        return _nearer(*record, kinds)
 
-
-@positional
-class Face:
-    """Face of a hull: outward normal in optical axes, height (m) of the sensor above
-    it, 1 for the first face of a hull, and the hull's number at its last, else 0.
-    """
-
-    normal: Vec3
-    height: Scalar
-    first: Scalar
-    number: Scalar
-
-
-def meet_shape(shape: str) -> Callable[..., tuple[Hit, tuple[()]]]:
-    """Step of a traced loop, whose rows are shapes of one kind and whose lanes are
-    rays.
-    """
-
-    def step(hit: Hit, ray: Vec3, row: Placed, _: object) -> tuple[Hit, tuple[()]]:
-        met = MEETING[shape](row.eye, row.rotation.apply(ray), row.size)
-        return nearer(hit, met, row.number), ()
+    def step(sight: Sight, ray: Vec3, row: ShapeRow, _: object) -> Any:
+        along = row.middle.dot(ray)
+        ahead = logical_and(along >= 0.0, along * along >= row.left * ray.dot(ray))
+        return compute_where(
+            logical_or(row.left <= 0.0, ahead),
+            lambda both: compiled_once(("rays", kinds), nearer, (*both, row)),
+            (sight, ray),
+            sight,
+        ), ()
 
     return step
 
 
-def meet_face(
-    carry: tuple[Hit, Interval], ray: Vec3, row: Face, _: object
-) -> tuple[tuple[Hit, Interval], tuple[()]]:
-    """Step of a traced loop, whose rows are faces of hulls and whose lanes are rays."""
-    hit, (near, far) = carry
+def _nearer(sight: Sight, ray: Vec3, row: ShapeRow, kinds: Sequence[str]) -> Sight:
+    """Nearest of what was met before and a shape; from within it, its far side."""
+    depth, number, near, far = sight
+    way = row.eye, row.rotation.apply(ray), row.size
+    met: Interval = (0.0, 0.0)
+    for i, kind in enumerate(kinds):
+
+        def meeting(way: tuple[Vec3, Vec3, Scalars], kind: str = kind) -> Interval:
+            return compiled_once(("ray", kind), lambda w: MEETING[kind](*w), way)
+
+        met = compute_where(absolute(row.kind - i) < 0.5, meeting, way, met)
     begins = row.first > 0.5
-    near, far = where(begins, -math.inf, near), where(begins, math.inf, far)
-    fall = row.normal.dot(ray)
-    t = divide(-row.height, where(absolute(fall) < TINY, TINY, fall))
-    enters = fall < 0.0
-    near, far = (
-        where(enters, maximum(near, t), near),
-        where(enters, far, minimum(far, t)),
+    near = maximum(met[0], where(begins, -math.inf, near))
+    far = minimum(met[1], where(begins, math.inf, far))
+    t = where(near >= 0.0, near, far)
+    closer = logical_and(
+        logical_and(near <= far, row.number > 0.5), logical_and(t >= 0.0, t < depth)
     )
-    whole = _both((near, far))
-    closer, number = nearer(hit, whole, row.number)
-    ends = row.number > 0.5
-    return (
-        (where(ends, closer, hit[0]), where(ends, number, hit[1])),
-        (near, far),
-    ), ()
+    return where(closer, t, depth), where(closer, row.number, number), near, far

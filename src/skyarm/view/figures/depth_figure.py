@@ -29,15 +29,16 @@ def depth_figure(flights: Named, span: Span) -> Picture:
     """
     rows = []
     for label, log in flights.items():
-        eyes = Eyes(log.scenario)
+        scenario = log.scenario
+        eyes, ticks = Eyes(scenario), np.rint(log.time * scenario.rates.control)
+        inside = np.flatnonzero((log.time >= span[0]) & (log.time <= span[1]))
         for name in eyes.names:
-            due = [i for i in eyes.rows(name, log) if span[0] <= log.time[i] <= span[1]]
-            chosen = np.linspace(0, len(due) - 1, min(INSTANTS, len(due))).astype(int)
-            seen = [
-                frame
-                for i in chosen
-                for frame in eyes.frames(name, rows_of(log, slice(due[i], due[i] + 1)))
+            due = [i for i in inside if eyes.is_due(name, ticks[i])]
+            chosen = np.linspace(0, len(due) - 1, min(INSTANTS, len(due)))
+            parts = [
+                rows_of(log, slice(due[i], due[i] + 1)) for i in chosen.astype(int)
             ]
+            seen = [next(eyes.frames(name, part)) for part in parts]
             if seen:
                 rows.append((f"{label}: {name}" if len(flights) > 1 else name, seen))
     if not rows:

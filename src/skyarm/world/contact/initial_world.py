@@ -7,18 +7,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from skyarm.algebra import Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.vehicle import Vehicle
 from skyarm.world.contact.carrier import NOBODY
 from skyarm.world.contact.contact import Contact
-from skyarm.world.contact.vehicle_bodies import (
-    Side,
-    fixed_side,
-    part_of,
-    touch_of_bodies,
-)
+from skyarm.world.contact.vehicle_bodies import touch_of_bodies
 
 MOST = 2.0
 """Largest weight of a contact point in the initial equilibrium; a body on one point
@@ -90,29 +84,6 @@ def require_bodies_apart(contact: Contact, motion: PointMotion) -> None:
                 f" push them with {normal:.3g} N: must start apart, at rest by"
                 " initial.standing = true, or be a pair of world.ignore"
             )
-
-
-def body_around(
-    contact: Contact, motion: PointMotion, place: Vec3, but: tuple[str, int] | None
-) -> str:
-    """Name of a body that a place (m, world axes) is inside at the start; empty for
-    none.
-
-    ``but`` is a body that does not count: name of its vehicle, and BASE or a link.
-    """
-    sides = [(each.name, fixed_side(each, 0.0)) for each in contact.surfaces]
-    for each in contact.carriers:
-        parts = tuple(map(part_of, each.surfaces))
-        sides.append((each.name, Side(each.frame(each.start()), parts)))
-    for body in contact.vehicle_bodies:
-        if but is None or (body.agent or but[0], body.body) != but:
-            parts = body.parts(motion, contact.vehicle_material)
-            sides.append((body.name, Side(body.frame(motion), parts)))
-    for name, side in sides:
-        for part in side.parts:
-            if part.in_world(side.frame).skin(place, 0)[0] > 0.0:
-                return name
-    return ""
 
 
 def initial_clearance(
