@@ -17,9 +17,9 @@ NOTHING = (217, 217, 217)
 
 def depth_pixels(depth: Array) -> Pixels:
     """Colours (rows, columns, 3) of depths (m), from the nearest to the farthest."""
-    known = np.isfinite(depth)
-    least = depth[known].min(initial=np.inf)
-    range_ = depth[known].max(initial=-np.inf) - least
-    share = np.where(known, depth - least, 0.0) / max(range_, 1e-9)
-    colors = [np.interp(share, np.linspace(0.0, 1.0, len(SHADES)), c) for c in SHADES.T]
-    return np.where(known[..., None], np.stack(colors, -1), NOTHING).astype(np.uint8)
+    pixels, known = np.full((*depth.shape, 3), NOTHING, np.uint8), np.isfinite(depth)
+    far = depth[known] - depth[known].min(initial=np.inf)
+    share = far / far.max(initial=1e-9) * (len(SHADES) - 1)
+    for i, shade in enumerate(SHADES.T):
+        pixels[known, i] = np.interp(share, range(len(shade)), shade)
+    return pixels
