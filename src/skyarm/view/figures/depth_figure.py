@@ -51,12 +51,12 @@ def depth_figure(flights: Named, span: Span) -> Picture:
     for axes, (label, seen) in zip(grid, rows, strict=True):
         known = np.concatenate([each.depth[np.isfinite(each.depth)] for each in seen])
         least, most = (known.min(), known.max()) if known.size else (0.0, 1.0)
-        for ax in axes:
+        for ax in axes[len(seen) :]:
             ax.set_axis_off()
         for ax, frame in zip(axes, seen, strict=False):
+            ax.set(xticks=[], yticks=[], facecolor=PAPER.grid)
             depth = np.ma.masked_invalid(frame.depth)
             image = ax.imshow(depth, "viridis_r", aspect="auto", vmin=least, vmax=most)
-            image.cmap.set_bad(PAPER.grid)
             ax.set_title(f"{label}, {frame.time:g} s", **PAPER.small_words)
         bar = figure.colorbar(image, ax=axes, pad=0.01)
         bar.ax.tick_params(labelsize=PAPER.small, labelfontfamily=PAPER.font[0])
