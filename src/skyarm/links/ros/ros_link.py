@@ -20,6 +20,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from functools import partial
 from types import TracebackType
+from typing import Any
 
 import numpy as np
 
@@ -39,8 +40,7 @@ from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import names_of
 from skyarm.log.ros.message_bytes import MessageError, decode, encode
 from skyarm.log.ros.messages import DEFINITIONS, FLIGHT
-from skyarm.log.ros.pictures import PictureTopic
-from skyarm.log.ros.scene import LogSection, nanoseconds
+from skyarm.log.ros.scene import LogSection
 from skyarm.log.ros.topics import (
     FlightTopics,
     Topic,
@@ -163,7 +163,7 @@ class RosLink:
             }
             self._topics = (*of_log, *topics_of_all(own))
             self._pictures = topics.pictures
-            self._seen: list[tuple[int, PictureTopic, bytes]] = []
+            self._seen: list[tuple[int, Any, bytes]] = []
             pictures = (topic for each in self._pictures for topic in each.topics)
             for topic in (*self._topics, *pictures):
                 node.advertise(topic.name, topic.kind, latched=topic.every == 0)
@@ -244,7 +244,7 @@ class RosLink:
                 topic.name, encode(topic.kind, DEFINITIONS, values, 1)[0].tobytes()
             )
         self._begun = True
-        now = nanoseconds(instant.time)[-1]
+        (now,) = LogSection(instant, slice(None)).stamps
         for stamp, topic, data in self._seen:
             if stamp <= now:
                 self.node.send(topic.name, data)
