@@ -75,6 +75,7 @@ from skyarm.scenario.grammar import (
     entry_in_words,
     grammar,
 )
+from skyarm.sensing.cameras.camera_kinds import RaySensor
 from skyarm.sensing.channel import Channel, ChannelSensor
 from skyarm.vehicle.attach import Mimic
 from skyarm.vehicle.linkage import Body, Joint
@@ -542,6 +543,17 @@ def sensors_block() -> str:
     return table(("kind", *FIELD_HEADS), rows)
 
 
+def cameras_block() -> str:
+    """Fields that a camera or lidar has beside those of both."""
+    rows: list[Sequence[str]] = []
+    for name in names("sensor"):
+        kind = find("sensor", name)
+        if issubclass(kind, RaySensor):
+            own = [*declared_fields(kind)][len(declared_fields(RaySensor)) :]
+            rows += [(f"`{name}`", *field_row(kind, field)) for field in own]
+    return table(("kind", *FIELD_HEADS), rows)
+
+
 def _channel_row(row: Sequence[str], usual: Channel) -> Sequence[str]:
     """Row of a channel: its errors by default, where no text says them."""
     stated = [
@@ -883,6 +895,7 @@ KINDS: dict[str, Callable[..., str]] = {
     "words": words_block,
     "task": task_block,
     "sensors": sensors_block,
+    "cameras": cameras_block,
     "parts": lambda of: table(*parts_of_environments(of)),
     "signals": lambda: kinds_of_keys("signal", "SIGNAL"),
     "motions": lambda: kinds_of_keys("motion", "reference.base"),

@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache, partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 from skyarm.algebra import Mat3, Scalars
 from skyarm.control.controller import (
@@ -54,6 +54,7 @@ from skyarm.vehicle.vehicle_records import require_plant
 from skyarm.world import Component
 
 if TYPE_CHECKING:
+    from skyarm.sensing.cameras.camera_kinds import RaySensor
     from skyarm.world.contact.contact import Contact
 
 LONGEST_FLIGHT = 10_000_000
@@ -791,8 +792,8 @@ def _require_clear_views(
     places = tuple(
         ContactPoint(
             name=f"sensors.{each.name}.position",
-            body=each.sensor.link,
-            position=each.sensor.position,
+            body=cast("RaySensor", each.sensor).link,
+            position=cast("RaySensor", each.sensor).position,
             agent=name,
         )
         for name, agent in agents.items()

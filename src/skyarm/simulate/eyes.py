@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -43,6 +44,9 @@ from skyarm.world.scene.vehicle_shapes import (
     quaternions_of,
     vectors,
 )
+
+if TYPE_CHECKING:
+    from skyarm.world.contact.contact_memory import ContactMemory
 
 AT_ONCE = 64
 """Number of instants whose rays are met together."""
@@ -195,7 +199,7 @@ class Eyes:
         self._cameras = dict[str, _Camera]()
         for agent, record in scenario.agents.items():
             for each in record.cameras:
-                sensor = each.sensor
+                sensor = cast("RaySensor", each.sensor)
                 body = bases[agent] + sensor.body_of(record.vehicle)
                 seen = [row for row in every if sensor.sees_own_link or row[0] != body]
                 name = f"{agent}.{each.name}" if several else each.name
@@ -298,9 +302,11 @@ class Eyes:
         carried = dict[str, Array]()
         for contact in self._scenario.worlds:
             # the contact model is the last of the shared ones
-            pairs = zip(contact.carriers, now.components[-1].carried, strict=True)
+            memory = cast("ContactMemory", now.components[-1])
+            pairs = zip(contact.carriers, memory.carried, strict=True)
             numbers = [x for each, m in pairs for x in each.logged(each.advance(m))]
-            for name, values in by_array(contact.carriers, numbers).items():
+            columns = cast("Any", contact.carriers)
+            for name, values in by_array(columns, numbers).items():
                 carried[name] = stack_values(count, values).T
         return _Instants(times, vehicles, carried)
 

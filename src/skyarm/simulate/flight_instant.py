@@ -11,7 +11,7 @@ from skyarm.log.team_log import WITHIN
 from skyarm.plant.loads import wind_at
 from skyarm.records.arrays import Array
 from skyarm.reference import Reference
-from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece, state_arrays
 from skyarm.simulate.check_endings import Ended
@@ -31,6 +31,9 @@ class FlightInstant:
 
     _engine: Engine
     """Simulator of the scenario in force."""
+
+    _seen: tuple[Scenario, Eyes] | None = None
+    """Cameras that were asked for last, with their scenario."""
 
     @property
     def tick(self) -> int:
@@ -112,11 +115,9 @@ class FlightInstant:
         from skyarm.simulate.eyes import Eyes
 
         scenario = self._engine.scenario
-        before, eyes = self.__dict__.get("_seeing", (None, None))
-        if before is not scenario:
-            eyes = Eyes(scenario)
-            self.__dict__["_seeing"] = scenario, eyes
-        return eyes
+        if self._seen is None or self._seen[0] is not scenario:
+            self._seen = scenario, Eyes(scenario)
+        return self._seen[1]
 
     @property
     def latest(self) -> Piece:

@@ -17,7 +17,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from skyarm.algebra import ZERO3, Mat3, Scalar, Vec3
+from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.records import coerce
 from skyarm.records.arrays import Array
 from skyarm.records.coerce import RecordError, refuse
@@ -40,7 +40,7 @@ MOST = 4_000_000
 WIDEST = 3.0
 """Largest field of view (rad) of a camera; the picture of half a turn has no end."""
 
-Range = tuple[Scalar, Scalar]
+Range = tuple[float, float]
 
 
 def body_names(vehicle: Vehicle) -> list[str]:
@@ -58,14 +58,14 @@ class DepthNoise:
     """
 
     constant: Annotated[
-        Scalar, nonnegative("m", "deviation of the depth at the offset", fixed=True)
+        float, nonnegative("m", "deviation of the depth at the offset", fixed=True)
     ] = 0.0
     quadratic: Annotated[
-        Scalar,
+        float,
         nonnegative("1/m", "growth of the deviation with the square", fixed=True),
     ] = 0.0
     offset: Annotated[
-        Scalar, nonnegative("m", "depth of least deviation", fixed=True)
+        float, nonnegative("m", "depth of least deviation", fixed=True)
     ] = 0.0
 
     def deviation(self, depth: Array) -> Array:
@@ -110,14 +110,14 @@ class RaySensor(Sensor):
         float, nonnegative("s", "age of a picture when it arrives", fixed=True)
     ] = 0.0
     nearest: Annotated[
-        Scalar, nonnegative("m", "least range; what is nearer reads -inf", fixed=True)
+        float, nonnegative("m", "least range; what is nearer reads -inf", fixed=True)
     ] = 0.0
     farthest: Annotated[
-        Scalar, positive("m", "largest range; what is farther reads inf", fixed=True)
+        float, positive("m", "largest range; what is farther reads inf", fixed=True)
     ] = 10.0
     noise: DepthNoise = DepthNoise()
     grazing: Annotated[
-        Scalar,
+        float,
         nonnegative(
             "rad",
             "angle between ray and surface below which a reading is lost; 0: none",
@@ -136,16 +136,18 @@ class RaySensor(Sensor):
         rows, columns = self.shape
         if rows * columns > MOST:
             raise RecordError(
-                f"{self.sizes} = {rows} x {columns}: must be at most {MOST} rays"
+                f"{', '.join(self.sizes)} = {rows} x {columns}: must be at most"
+                f" {MOST} rays"
             )
 
-    sizes: ClassVar[str]
-    """Names of the fields with the numbers of rows and columns, for messages."""
+    sizes: ClassVar[tuple[str, str]]
+    """Names of the fields with the numbers of rows and columns."""
 
     @property
     def shape(self) -> tuple[int, int]:
         """Numbers of rows and columns of a picture."""
-        raise NotImplementedError(f"{type(self).__name__} must define shape")
+        rows, columns = self.sizes
+        return getattr(self, rows), getattr(self, columns)
 
     def intrinsics(self) -> tuple[float, float, float, float] | None:
         """Focal lengths and principal point fx, fy, cx, cy (pixels) of an image plane;
@@ -199,12 +201,12 @@ class DepthCamera(RaySensor):
         field_of_view: horizontal, from edge to edge; pixels are square.
     """
 
-    sizes: ClassVar[str] = "height, width"
+    sizes: ClassVar[tuple[str, str]] = "height", "width"
 
     width: Annotated[int, Unit("", "number of columns", low=1, fixed=True)] = 64
     height: Annotated[int, Unit("", "number of rows", low=1, fixed=True)] = 48
     field_of_view: Annotated[
-        Scalar,
+        float,
         positive(
             "rad",
             "horizontal field of view, from edge to edge",
@@ -213,16 +215,11 @@ class DepthCamera(RaySensor):
         ),
     ] = 1.2
 
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Numbers of rows and columns of a picture."""
-        return self.height, self.width
-
     def intrinsics(self) -> tuple[float, float, float, float]:
         """Focal lengths and principal point fx, fy, cx, cy (pixels); the middle of the
         first pixel is at zero.
         """
-        focal = 0.5 * self.width / math.tan(0.5 * float(self.field_of_view))
+        focal = 0.5 * self.width / math.tan(0.5 * self.field_of_view)
         return focal, focal, 0.5 * (self.width - 1), 0.5 * (self.height - 1)
 
     def directions(self) -> Array:
@@ -242,7 +239,7 @@ class Lidar(RaySensor):
     a full turn has no ray twice.
     """
 
-    sizes: ClassVar[str] = "rows, columns"
+    sizes: ClassVar[tuple[str, str]] = "rows", "columns"
 
     rows: Annotated[int, Unit("", "number of rows", low=1, fixed=True)] = 16
     columns: Annotated[int, Unit("", "number of columns", low=1, fixed=True)] = 360
@@ -273,11 +270,6 @@ class Lidar(RaySensor):
             low, high = getattr(self, name)
             if not low < high:
                 refuse(name, [low, high], "must rise")
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Numbers of rows and columns of a picture."""
-        return self.rows, self.columns
 
     def directions(self) -> Array:
         """Unit vectors (rows, columns, 3) of the rays, optical axes."""

@@ -38,8 +38,10 @@ def _kernel(kinds: tuple[str, ...]) -> Kernel:
 
 
 def _rows(part: Part, kind: int, number: int) -> Iterator[list[float]]:
-    """Rows of a shape, of a hull one for each face, in the axes of its body: in the
-    sensor's place the shape's, then middle and squared radius (m^2) of its ball.
+    """Rows of a shape, of a hull one for each face, without the sensor's pose.
+
+    They have rotation from the body's axes and place in these (m), then middle and
+    squared radius (m^2) of a ball about the shape.
     """
     shape, R = part.shape, matrices(part.rotation, 1)[0]
     place = float_array(part.position)

@@ -138,7 +138,8 @@ def _hole(p: Vec3, d: Vec3, size: Scalars) -> Interval:
         on = logical_and(away > CLOSE, t < reach * pace)
         return t + away * pace, where(on, 1.0, 0.0)
 
-    t, _ = repeat(STEPS, step, (0.0 * pace, 1.0), until=1)
+    start: tuple[Scalar, Scalar] = (0.0 * pace, 1.0)
+    t, _ = repeat(STEPS, step, start, until=1)
     return where(t < reach * pace, t, math.inf), math.inf
 
 
