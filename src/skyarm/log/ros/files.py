@@ -54,7 +54,8 @@ def write_mcap(log: Log, path: Path) -> Path:
     with writing_atomically(path) as stream:
         writer: Any = Writer(
             stream,
-            chunk_size=CHUNK,
+            # pictures fill chunks fast, and the index of every chunk stays in memory
+            chunk_size=CHUNK << 2 if topics.pictures else CHUNK,
             compression=CompressionType.NONE,
             enable_data_crcs=True,
         )
