@@ -17,6 +17,7 @@ from scipy.interpolate import CubicSpline
 
 import skyarm
 from skyarm.links.ros import RosLink, live_session
+from skyarm.log.ros.pictures import FLAT, ROUND
 from support.peers import MemoryNode
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -250,15 +251,27 @@ def test_live_messages_are_those_of_the_file_to_the_byte(path):
         assert node.sent[topic] == wanted[topic], topic
 
 
-def test_the_layout_names_topics_of_the_file(read, path):
-    _, found, _ = read
-    layout = json.loads(path.with_suffix(".foxglove.json").read_text("utf-8"))
+def test_the_shipped_layout_names_topics_of_its_example():
+    layout = json.loads(
+        (EXAMPLES / "files" / "foxglove_layout.json").read_text("utf-8")
+    )
+    seen = skyarm.load_scenario(EXAMPLES / "see_with_the_wrist.toml").agent.cameras
+    fields = {each.name: FLAT if each.sensor.intrinsics() else ROUND for each in seen}
+    topics = {
+        f"/sensors/{name}/{last}": kind
+        for name, own in fields.items()
+        for last, (kind, _) in own.items()
+    }
     panels = layout["configById"]
-    assert set(panels["3D!flight"]["topics"]) < set(found)
-    mode = panels["Image!Eye_1"]["imageMode"]
-    assert found[mode["imageTopic"]][0] == "sensor_msgs/msg/Image"
-    assert found[mode["calibrationTopic"]][0] == "sensor_msgs/msg/CameraInfo"
-    assert {layout["layout"]["first"], layout["layout"]["second"]} == set(panels)
+    clouds = panels.pop("3D!flight")["topics"].keys() - {"/vehicle"}
+    assert [topics[each] for each in clouds] == ["sensor_msgs/PointCloud2"]
+    for panel in panels.values():
+        mode = panel["imageMode"]
+        assert topics[mode["imageTopic"]] == "sensor_msgs/Image"
+        assert topics[mode["calibrationTopic"]] == "sensor_msgs/CameraInfo"
+    row = layout["layout"]
+    named = {row["first"], row["second"]["first"], row["second"]["second"]}
+    assert named == {"3D!flight", *panels}
 
 
 def test_every_type_is_one_of_dds():

@@ -16,8 +16,8 @@ from skyarm.view.figures.flight_plot import plot
 from skyarm.view.film.camera_paths import camera_named, hides
 from skyarm.view.film.captions import Box
 from skyarm.view.film.filmed_flight import film_flights
-from skyarm.view.film.insets import with_insets
-from skyarm.view.picture.depth_pixels import NOTHING, SHADES, depth_pixels
+from skyarm.view.film.insets import insets_of, put_inset
+from skyarm.view.picture.depth_pixels import depth_pixels
 from skyarm.view.picture.marks import vehicle_solids
 from skyarm.view.picture.mujoco_sink import FramePanel, open_stage
 from skyarm.view.studio.picture import SightNodes
@@ -63,13 +63,13 @@ def test_a_figure_has_pictures_of_every_camera_with_depths_in_m():
     ]
 
 
-def test_depths_have_colours_from_near_to_far_and_grey_for_none():
+def test_depths_are_grey_from_near_to_far_and_black_for_none():
     depth = np.array([[2.0, np.inf, 3.0], [np.nan, 4.0, -np.inf]])
-    near, middle, far = SHADES[[0, 2, 4]].tolist()
-    none = list(NOTHING)
-    wanted = [[near, none, middle], [none, far, none]]
-    assert depth_pixels(depth).tolist() == wanted
-    assert (depth_pixels(np.full((2, 2), np.nan)) == NOTHING).all()
+    wanted = [[255, 0, 157], [0, 60, 0]]
+    pixels = depth_pixels(depth)
+    assert pixels[..., 0].tolist() == wanted
+    assert (pixels == pixels[..., :1]).all()
+    assert not depth_pixels(np.full((2, 2), np.nan)).any()
 
 
 @needs_display
@@ -97,24 +97,24 @@ def test_a_film_of_a_camera_shows_what_its_depth_picture_names():
 
 def test_an_inset_is_the_latest_picture():
     times = np.array([0.0, 0.09, 0.1, 0.15, 0.2])
-    blank = (np.zeros((100, 200, 3), np.uint8) for _ in times)
-    boxes = [Box(20, 10, 160, 80)]
-    films = list(with_insets(blank, boxes, [flown()], times, "wrist"))
+    boxes = [Box(20, 10, 160, 120)]
+    ((box, seen),) = insets_of("wrist", boxes, [flown()], times)
     frames = [*flown().frames("wrist")]
-    for film, latest in zip(films, (0, 0, 1, 1, 2), strict=True):
+    high, wide = 48, 64
+    rows = (np.arange(high) + 0.5) * HEIGHT / high
+    columns = (np.arange(wide) + 0.5) * WIDTH / wide
+    for latest in (0, 0, 1, 1, 2):
+        film = np.zeros((140, 200, 3), np.uint8)
+        put_inset(film, (box, seen))
         inset = depth_pixels(frames[latest].depth)
-        high, wide = 32, 42
-        rows, columns = (
-            np.arange(high) * HEIGHT // high,
-            np.arange(wide) * WIDTH // wide,
-        )
-        place = film[90 - high - 2 : 88, 180 - wide - 2 : 178]
-        assert np.array_equal(place, inset[rows][:, columns])
-        assert not film[:50].any()
-    with pytest.raises(
-        ValueError, match="inset = 'nose': must be one of wrist, around"
-    ):
-        list(with_insets(iter(()), boxes, [flown()], times, "nose"))
+        place = film[130 - high - 2 : 128, 180 - wide - 2 : 178]
+        wanted = inset[rows.astype(int)][:, columns.astype(int)]
+        assert np.array_equal(place, wanted)
+        place[:] = 0
+        assert not film.any()
+    ((_, unknown),) = insets_of("nose", boxes, [flown()], times)
+    with pytest.raises(ValueError, match=r"sensors.nose: must be one of wrist, around"):
+        next(unknown)
 
 
 def test_the_studio_shows_what_a_session_sees_on_the_cameras_link():
@@ -135,5 +135,5 @@ def test_no_camera_has_the_name_of_a_films_view(name):
 
 def test_an_unknown_camera_of_a_film_is_refused():
     flights = film_flights([flown()], np.zeros(1))
-    with pytest.raises(ValueError, match="must be one of follow, fixed, tip, wrist$"):
+    with pytest.raises(ValueError, match=r"must be one of follow, fixed, tip, wrist$"):
         camera_named("nose", flights)

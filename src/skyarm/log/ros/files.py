@@ -16,17 +16,14 @@ from skyarm.log.contents import log_info
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.formats import log_from_npz, npz_content
 from skyarm.log.ros.messages import definition, full_name
-from skyarm.log.ros.pictures import PictureTopic, foxglove_layout
+from skyarm.log.ros.pictures import PictureTopic
 from skyarm.log.ros.topics import FlightTopics, Topic
 from skyarm.records.files import needs_extra, shown, versions
-from skyarm.records.files.writing import write_atomically, writing_atomically
+from skyarm.records.files.writing import writing_atomically
 
 INFO, SCENARIO, ARRAYS = "info.json", "scenario.json", "flight.npz"
 """Attachments of an MCAP file: description of the flight, scenario as plain data, and
 the log as an npz file, from which it is read back."""
-
-LAYOUT = ".foxglove.json"
-"""Suffix of the layout file beside a flight with cameras."""
 
 CHUNK = 1 << 19
 """Size (bytes) of a chunk, about a second of flight."""
@@ -37,8 +34,6 @@ PIECE = 10_000
 
 def write_mcap(log: Log, path: Path) -> Path:
     """Write a log as an MCAP file; equal flights give equal bytes.
-
-    Beside a flight with cameras stands a layout for Foxglove, ``NAME.foxglove.json``.
 
     Raises:
         ValueError: mcap is missing. OSError: it cannot be written.
@@ -96,9 +91,6 @@ def write_mcap(log: Log, path: Path) -> Path:
             )
             numbers[topic.name] += 1
         writer.finish()
-    if topics.pictures:
-        text = json.dumps(foxglove_layout(topics.pictures), indent=1)
-        write_atomically(path.with_suffix(LAYOUT), text.encode())
     return path
 
 

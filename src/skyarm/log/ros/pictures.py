@@ -8,8 +8,7 @@ whose names stand once in ``labels``, and ``camera_info`` the intrinsics. A lida
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from copy import deepcopy
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -33,8 +32,8 @@ IMAGE, LABELS, CLOUD, POSE = (
     "geometry_msgs/PoseStamped",
 )
 
-FIELDS, PANELS = shipped_tables(__file__).values()
-"""Fields of a point of a cloud, and panels of Foxglove by name."""
+FIELDS = shipped_tables(__file__)["fields"]
+"""Fields of a point of a cloud."""
 
 POINT = np.dtype([("xyz", "<f4", 3), ("segment", "<u4")])
 """Point of a cloud: place (m) and number of the body."""
@@ -225,26 +224,3 @@ FLAT: Fields = {
 
 ROUND: Fields = {"points": (CLOUD, _cloud), "pose": (POSE, _pose)}
 """Topics of a lidar."""
-
-
-def foxglove_layout(cameras: Sequence[PictureTopics]) -> Values:
-    """Layout of Foxglove as plain data: the scene, and beside it the depths of each
-    camera.
-    """
-    panels: dict[str, Any] = {"3D!flight": deepcopy(PANELS["scene"])}
-    shown: Any = "3D!flight"
-    for each in cameras:
-        picture = each.topics[0].name
-        if each.fields is ROUND:
-            panels["3D!flight"]["topics"][picture] = PANELS["cloud"]
-            continue
-        panel = f"Image!{each.name}"
-        mode = {
-            "imageTopic": picture,
-            "calibrationTopic": each.topics[2].name,
-            "minValue": float(each.sensor.nearest),
-            "maxValue": float(each.sensor.farthest),
-        }
-        panels[panel] = {"imageMode": PANELS["picture"] | mode}
-        shown = {"direction": "row", "first": shown, "second": panel}
-    return {"configById": panels, "layout": shown}

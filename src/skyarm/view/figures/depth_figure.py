@@ -29,18 +29,15 @@ def depth_figure(flights: Named, span: Span) -> Picture:
     """
     rows = []
     for label, log in flights.items():
-        scenario = log.scenario
-        eyes, ticks = Eyes(scenario), np.rint(log.time * scenario.rates.control)
-        inside = np.flatnonzero((log.time >= span[0]) & (log.time <= span[1]))
+        eyes, own = Eyes(log.scenario), f"{label}: " * (len(flights) > 1)
+        stop = np.searchsorted(log.time, span[1], "right")
+        first = np.searchsorted(log.time, np.linspace(*span, INSTANTS))
+        parts = [rows_of(log, slice(i, stop)) for i in first]
         for name in eyes.names:
-            due = [i for i in inside if eyes.is_due(name, ticks[i])]
-            chosen = np.linspace(0, len(due) - 1, min(INSTANTS, len(due)))
-            parts = [
-                rows_of(log, slice(due[i], due[i] + 1)) for i in chosen.astype(int)
-            ]
-            seen = [next(eyes.frames(name, part)) for part in parts]
+            found = (next(eyes.frames(name, part), None) for part in parts)
+            seen = {each.time: each.depth for each in found if each is not None}
             if seen:
-                rows.append((f"{label}: {name}" if len(flights) > 1 else name, seen))
+                rows.append((own + name, seen))
     if not rows:
         raise ValueError(
             "kind = 'depth': must be another one, for the flights have no pictures of"
@@ -49,15 +46,14 @@ def depth_figure(flights: Named, span: Span) -> Picture:
     figure = PAPER.blank(PAPER.wide, TALL * len(rows))
     grid = figure.subplots(len(rows), INSTANTS, squeeze=False)
     for axes, (label, seen) in zip(grid, rows, strict=True):
-        known = np.concatenate([each.depth[np.isfinite(each.depth)] for each in seen])
-        least, most = (known.min(), known.max()) if known.size else (0.0, 1.0)
+        depths = np.ma.masked_invalid([*seen.values()])
+        least, most = (depths.min(), depths.max()) if depths.count() else (0.0, 1.0)
         for ax in axes[len(seen) :]:
             ax.set_axis_off()
-        for ax, frame in zip(axes, seen, strict=False):
+        for ax, time, depth in zip(axes, seen, depths, strict=False):
             ax.set(xticks=[], yticks=[], facecolor=PAPER.grid)
-            depth = np.ma.masked_invalid(frame.depth)
             image = ax.imshow(depth, "viridis_r", aspect="auto", vmin=least, vmax=most)
-            ax.set_title(f"{label}, {frame.time:g} s", **PAPER.small_words)
+            ax.set_title(f"{label}, {time:g} s", **PAPER.small_words)
         bar = figure.colorbar(image, ax=axes, pad=0.01)
         bar.ax.tick_params(labelsize=PAPER.small, labelfontfamily=PAPER.font[0])
         bar.set_label("depth [m]", **PAPER.small_words)

@@ -105,7 +105,7 @@ def sensor_camera(
     )
     body = sensor.body_of(flight.vehicle)
     places = flight.place(sensor.position, body)
-    (height, width), (fx, fy, *_) = sensor.shape, sensor.intrinsics() or ()
+    (height, width), (fx, fy, *_) = sensor.shape, sensor.intrinsics()
     return replace(
         _path(places, 0.0, 0.0),
         rotation=flight.poses[body][0] @ matrices(sensor.rotation, 1)[0],
@@ -118,12 +118,9 @@ def hides(flight: FlightFrames, name: str, shape: Shape) -> bool:
     it.
     """
     sensor = flight.cameras.get(name)
-    return (
-        sensor is not None
-        and not sensor.sees_own_link
-        and shape.role not in OBSTACLES
-        and shape.body == sensor.body_of(flight.vehicle)
-    )
+    if sensor is None or sensor.sees_own_link or shape.role in OBSTACLES:
+        return False
+    return shape.body == sensor.body_of(flight.vehicle)
 
 
 Path = Callable[[Flights, Array, float], CameraPath]

@@ -95,12 +95,9 @@ def film_flights(
     colors = iter(COLORS)
     flights: list[FilmedFlight] = []
     for number, (log, name) in enumerate(zip(logs, names, strict=True)):
-        several = len(log.agents) > 1
         team = [
-            _resample(own, label, next(colors), times, number, f"{agent}." * several)
-            for agent, (label, own) in zip(
-                log.agents, vehicle_logs(name, log), strict=True
-            )
+            _resample(own, label, next(colors), times, number)
+            for label, own in vehicle_logs(name, log)
         ]
         flights += _with_scenes(team, log)
     return flights
@@ -119,11 +116,9 @@ def require_as_many(labels: Sequence[str], flights: int) -> None:
 
 
 def _resample(
-    log: Log, label: str, color: Color, times: Array, number: int, of: str
+    log: Log, label: str, color: Color, times: Array, number: int
 ) -> FilmedFlight:
-    """Resample a log of one vehicle at a film's frames, without a scene; names of its
-    cameras begin with ``of``.
-    """
+    """Resample a log of one vehicle at a film's frames, without a scene."""
     agent = drawn_scenario(log).agent
     now: dict[str, Any] = {
         field: read(log.time, getattr(log, name), times) for field, name in READ.items()
@@ -150,11 +145,7 @@ def _resample(
         end=end_time(log) if whole else float(log.time[-1]),
         lost="" if whole else log.status.replace("_", " "),
         number=number,
-        cameras={
-            f"{of}{each.name}": each.sensor
-            for each in agent.cameras
-            if each.sensor.intrinsics()
-        },
+        sensors=agent.cameras,
         **now,
     )
 

@@ -19,7 +19,7 @@ from skyarm.view.figures.flight_facts import drawn_scenario, end_time
 from skyarm.view.film.camera_paths import CAMERAS, camera_named, hides
 from skyarm.view.film.captions import Captions, FrameLayout, frame_layout
 from skyarm.view.film.filmed_flight import FilmedFlight, film_flights
-from skyarm.view.film.insets import with_insets
+from skyarm.view.film.insets import insets_of, put_inset
 from skyarm.view.film.video_files import require_film_format
 from skyarm.view.picture.frames import Flights, by_flight
 from skyarm.view.picture.marks import ghost_solids, marks_of, vehicle_solids
@@ -61,10 +61,7 @@ def make_film(
     logs = [flights] if isinstance(flights, Log) else list(flights)
     times = frame_times(logs, chosen)
     filmed = film_flights(logs, times, labels)
-    frames = film_frames(filmed, times, _with_title(chosen, logs), progress)
-    if chosen.inset is not None:
-        panels = _layout(filmed, chosen).panels
-        frames = with_insets(frames, panels, logs, times, chosen.inset)
+    frames = film_frames(filmed, times, _with_title(chosen, logs), progress, logs)
     return write(path, frames, (chosen.width, chosen.height), chosen.fps, len(times))
 
 
@@ -97,34 +94,32 @@ def film_frames(
     times: Array,
     settings: FilmSettings,
     progress: Progress | None = None,
+    logs: Sequence[Log] = (),
 ) -> Iterator[Pixels]:
-    """Yield the rendered frames of a film as byte arrays (height, width, 3).
+    """Yield the rendered frames of a film as byte arrays (height, width, 3); an inset
+    needs the logs.
 
     Raises:
         NoDisplayError: nothing can be drawn on this machine.
     """
     width, height = settings.width, settings.height
-    layout = _layout(flights, settings)
+    agents = [len(team) for team in by_flight(flights)]
+    layout = frame_layout(
+        width, height, len(agents), settings.layout, plot=settings.plot, agents=agents
+    )
+    name = settings.inset
+    insets = [] if name is None else insets_of(name, layout.panels, logs, times)
     captions = Captions(flights, times, layout, settings.title or "")
     with open_stage(
         film_panels(flights, times, settings, layout), width, height, fine=settings.fine
     ) as stage:
         for k in range(len(times)):
-            yield captions.frame(stage.draw(k), k)
+            picture = captions.frame(stage.draw(k), k)
+            for each in insets:
+                put_inset(picture, each)
+            yield picture
             if progress is not None:
                 progress(k + 1, len(times))
-
-
-def _layout(flights: Flights, settings: FilmSettings) -> FrameLayout:
-    agents = [len(team) for team in by_flight(flights)]
-    return frame_layout(
-        settings.width,
-        settings.height,
-        len(agents),
-        settings.layout,
-        plot=settings.plot,
-        agents=agents,
-    )
 
 
 def film_panels(
@@ -265,6 +260,8 @@ class FilmSettings:
 
     def __post_init__(self) -> None:
         accept_fields(self, "")
+        if not self.camera:
+            camera_named("")
         for field in ("width", "height"):
             if (side := getattr(self, field)) % 2:
                 raise ValueError(f"{field} = {side}: must be an even number")

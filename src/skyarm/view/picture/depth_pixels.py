@@ -1,4 +1,4 @@
-"""Colours of a depth picture, beside or within another picture."""
+"""Grey picture of depths, beside or within another picture."""
 
 from __future__ import annotations
 
@@ -6,20 +6,13 @@ import numpy as np
 
 from skyarm.records.arrays import Array, Pixels
 
-SHADES = np.array(
-    [[253, 231, 37], [94, 201, 98], [33, 145, 140], [59, 82, 139], [68, 1, 84]]
-)
-"""Colours from near to far, as those of Matplotlib's viridis."""
-
-NOTHING = (217, 217, 217)
-"""Colour of what has no depth."""
+NEAR, FAR = 255.0, 60.0
+"""Grey of the nearest and of the farthest depth; what has no depth is black."""
 
 
 def depth_pixels(depth: Array) -> Pixels:
-    """Colours (rows, columns, 3) of depths (m), from the nearest to the farthest."""
-    pixels, known = np.full((*depth.shape, 3), NOTHING, np.uint8), np.isfinite(depth)
-    far = depth[known] - depth[known].min(initial=np.inf)
-    share = far / far.max(initial=1e-9) * (len(SHADES) - 1)
-    for i, shade in enumerate(SHADES.T):
-        pixels[known, i] = np.interp(share, range(len(shade)), shade)
-    return pixels
+    """Grey picture (rows, columns, 3) of depths (m), the nearest the brightest."""
+    known = np.isfinite(depth)
+    ends = depth[known].min(initial=np.inf), depth[known].max(initial=-np.inf)
+    grey = np.where(known, np.interp(depth, ends, (NEAR, FAR)), 0.0)
+    return np.repeat(grey.astype(np.uint8)[..., None], 3, axis=-1)

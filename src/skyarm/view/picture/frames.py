@@ -8,11 +8,11 @@ time. Those of a log are resampled by :mod:`skyarm.view.film.filmed_flight`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from itertools import groupby
-from typing import SupportsFloat
+from typing import Any, SupportsFloat
 
 import numpy as np
 
@@ -22,8 +22,7 @@ from skyarm.plant.loads import wind_at
 from skyarm.plant.surroundings import motions_of
 from skyarm.records.arrays import Array, float_array
 from skyarm.records.immutable import immutable
-from skyarm.scenario.scenario_record import Agent, Scenario
-from skyarm.sensing.cameras.camera_kinds import RaySensor
+from skyarm.scenario.scenario_record import Agent, NamedSensor, Scenario
 from skyarm.simulate.inputs import EpisodeInputs, table_of
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.stages import Stages
@@ -67,7 +66,7 @@ class FlightFrames(Instants):
         tilts: (F, rotors that tilt) rad; without columns where none does.
         scene: solids, lines and arrows of the scenario's components; of what vehicles
             share only with the first.
-        cameras: depth cameras of the vehicle by name, as of :class:`skyarm.Session`.
+        sensors: cameras and lidars of the vehicle.
     """
 
     label: str
@@ -82,7 +81,14 @@ class FlightFrames(Instants):
     air: Array
     scene: Scene = field(default_factory=Scene)
     number: int = 0
-    cameras: Mapping[str, RaySensor] = field(default_factory=dict)
+    sensors: Sequence[NamedSensor] = ()
+
+    @cached_property
+    def cameras(self) -> dict[str, Any]:
+        """Depth cameras by name, behind that of the vehicle if there are several."""
+        own = f"{self.name}." if len(self.agents) > 1 else ""
+        named = [(own + each.name, each.sensor) for each in self.sensors]
+        return {name: sensor for name, sensor in named if sensor.intrinsics()}
 
     @cached_property
     def desired_poses(self) -> Poses:
