@@ -16,6 +16,7 @@ from skyarm.records.registry import find
 from skyarm.records.registry.shipped import SHIPPED
 from skyarm.scenario.endings import STATUSES
 from skyarm.sensing import sensor_kinds
+from skyarm.sensing.cameras import camera_kinds
 from skyarm.sensing.channel import Channel, Dropouts
 from skyarm.sensing.estimate.filter_constants import FilterNumbers
 from skyarm.vehicle.battery import Battery
@@ -118,9 +119,11 @@ def test_defaults_of_a_table_are_those_of_the_fields(
 
 def test_the_page_on_sensors_lists_kinds_and_dropouts() -> None:
     rows = rows_of("scenario_sensors.md", "<!-- generated: sensors -->")
+    rows += rows_of("scenario_sensors.md", "<!-- generated: cameras -->")
     shipped = set(SHIPPED["sensor"]) - {"full_state"}
     assert {named(row[0])[0] for row in rows} == shipped
     shared = set(fields_of(sensor_kinds.ChannelSensor))
+    shared |= set(fields_of(camera_kinds.RaySensor))
     listed: dict[str, set[str]] = {}
     for row in rows:
         listed.setdefault(named(row[0])[0], set()).update(named(row[1]))

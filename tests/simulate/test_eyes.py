@@ -17,9 +17,12 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.plant.mujoco_model import body_name, build_spec
 from skyarm.records.leaves import leaves
-from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.reference.signals import Ramp
+from skyarm.scenario.scenario_record import NamedSensor, ScenarioError
+from skyarm.sensing.cameras.camera_kinds import DepthCamera
 from skyarm.simulate.eyes import Eyes
 from skyarm.simulate.first_state import first_loop_state
+from skyarm.world.signal_vector import SignalVector
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FILE = EXAMPLES / "see_with_the_wrist.toml"
@@ -50,7 +53,10 @@ def first(scenario, name):
 @cache
 def flown():
     """Scenario with a noisy wrist and its log."""
-    scenario = scenario_with(wrist={"width": 16, "height": 12, "frequency": 50.0})
+    tables = tomllib.loads(FILE.read_text("utf-8"))["world"]
+    tables["objects"][0]["com"] = [0.01, 0.0, 0.01]
+    wrist = {"width": 16, "height": 12, "frequency": 50.0}
+    scenario = scenario_with(world=tables, wrist=wrist)
     return scenario, skyarm.run(scenario)
 
 
@@ -218,6 +224,44 @@ def test_a_lidar_measures_along_its_rays():
     np.testing.assert_allclose(
         np.linalg.norm(frame.points()[wall], axis=1), frame.depth[wall]
     )
+
+
+def test_a_surface_that_moves_is_seen_where_it_is():
+    scenario = scenario_with(wrist=RAYS)
+    table, *others = scenario.world.surfaces
+    rising = replace(
+        table, motion=SignalVector(z=Ramp(start=0.0, duration=2.0, height=0.1))
+    )
+    moved = replace(scenario.world, surfaces=(rising, *others), objects=())
+    environment = replace(scenario.environment, world=moved)
+    scenario = replace(scenario, environment=environment)
+    eyes, now = Eyes(scenario), first_loop_state(scenario)
+    begun, later = (eyes.frame("wrist", now, t, 0).depth for t in (0.0, 2.0))
+    np.testing.assert_allclose(begun - later, 0.1, atol=1e-4)
+
+
+def test_a_door_is_seen_where_it_has_turned_to():
+    scenario = skyarm.load_scenario("open_door")
+    camera = DepthCamera(farthest=9.0, width=16, height=12)
+    front = NamedSensor(name="front", sensor=camera)
+    scenario = scenario.with_agent(replace(scenario.agent, sensors=(front,)))
+    now = first_loop_state(scenario)
+    memory = now.components[-1]
+    (door,) = memory.carried
+    eyes, shown = Eyes(scenario), []
+    for angle in (0.0, 0.3):
+        turned = replace(memory, carried=(replace(door, coordinate=angle),))
+        then = replace(now, components=(*now.components[:-1], turned))
+        shown.append(eyes.frame("front", then, 0.0, 0))
+    before, after = (
+        each.segment == each.names.index(scenario.world.mechanisms[0].name)
+        for each in shown
+    )
+    both = before & after
+    assert both.any()
+    faces = [each.normal[both] for each in shown]
+    cosines = (faces[0] * faces[1]).sum(axis=1)
+    assert np.median(cosines) == pytest.approx(np.cos(0.3), abs=1e-9)
 
 
 def test_an_unknown_sensor_is_refused_by_name():

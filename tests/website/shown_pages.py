@@ -37,10 +37,13 @@ def prepared(name: str) -> dict[str, str]:
         ).read_text("utf-8")
     for example in re.findall(
         r"[ \"](examples/(?:\w+\.(?:urdf|py)|loads_and_gusts\.toml)"
-        r"|examples/pick_and_place_box\.toml(?=\"))",
+        r"|examples/(?:pick_and_place_box|see_with_the_wrist)\.toml(?=\"))",
         PAGES[name],
     ):
         files[example] = (ROOT / example).read_text("utf-8")
+    if "examples/see_with_the_wrist.toml" in files:  # its vehicle
+        vehicle = "examples/arm_with_shapes.toml"
+        files[vehicle] = (ROOT / vehicle).read_text("utf-8")
     if name == "pressing.md":  # the reader makes it
         press, lines = (
             block.text for block in blocks(PAGES[name]) if block.language == "toml"

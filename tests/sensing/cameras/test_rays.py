@@ -81,7 +81,7 @@ def test_a_plate_with_a_hole_is_met_where_its_distance_is_zero():
     ways = aims / np.linalg.norm(aims, axis=1)[:, None]
     plate = Surface(name="plate", shape="hole", size=size)
     here, traced = places.copy(), np.zeros(100)
-    for _ in range(3000):
+    for _ in range(1500):
         away = np.asarray(from_plate(size, Vec3(*here.T))[0])
         step = np.where(away > 1e-9, away, 0.0)
         traced, here = traced + step, here + ways * step[:, None]

@@ -121,8 +121,7 @@ def _capsule(p: Vec3, d: Vec3, size: Scalars) -> Interval:
 
 def _plane(p: Vec3, d: Vec3, size: Scalars) -> Interval:
     # it has no other side
-    met = logical_and(p.z >= 0.0, d.z < -TINY)
-    return where(met, -divide(p.z, d.z), math.inf), math.inf
+    return where(d.z < -TINY, -divide(p.z, d.z), math.inf), math.inf
 
 
 def _hole(p: Vec3, d: Vec3, size: Scalars) -> Interval:
