@@ -79,7 +79,7 @@ class PictureTopics:
         self._frame = f"{within}{called}{OPTICAL}".removeprefix("/")
         self._epoch, self._begun = epoch, False
         self.fields = FLAT if sensor.intrinsics() else ROUND
-        self.topics = [
+        self.topics: list[Any] = [
             PictureTopic(f"{within}sensors/{called}/{last}", kind, int(kind != LABELS))
             for last, (kind, _) in self.fields.items()
         ]
@@ -90,15 +90,15 @@ class PictureTopics:
         Args:
             seen: picture, a :class:`skyarm.simulate.eyes.Frame`.
         """
-        stamp = nanoseconds(seen.time) + self._epoch
-        late = nanoseconds(self.sensor.latency)
+        stamp = nanoseconds(np.array(seen.time)) + self._epoch
+        late = nanoseconds(np.array(self.sensor.latency))
         for topic, (kind, values) in zip(
             self.topics, self.fields.values(), strict=True
         ):
             if topic.every or not self._begun:
                 frame = WORLD if kind == POSE else self._frame
-                head = {"header": {"stamp": stamp, "frame_id": frame}}
-                fields = head | values(seen, self.sensor)
+                header: Values = {"stamp": stamp, "frame_id": frame}
+                fields = {"header": header, **values(seen, self.sensor)}
                 (data,) = encode(kind, DEFINITIONS, fields, 1)
                 yield int(stamp + late), topic, data.tobytes()
         self._begun = True
@@ -148,11 +148,11 @@ OPTICAL = "_optical_frame"
 """End of the names of optical frames."""
 
 
-def _depth(seen: Any, _: RaySensor) -> Values:
+def _depth(seen: Any, _: Any) -> Values:
     return {"encoding": "32FC1", **_pixels(seen.depth.astype("<f4"))}
 
 
-def _segmentation(seen: Any, _: RaySensor) -> Values:
+def _segmentation(seen: Any, _: Any) -> Values:
     size = 1 if len(seen.names) <= MOST_BYTES else 2
     return {
         "encoding": f"{8 * size}UC1",
@@ -160,13 +160,13 @@ def _segmentation(seen: Any, _: RaySensor) -> Values:
     }
 
 
-def _labels(seen: Any, _: RaySensor) -> Values:
+def _labels(seen: Any, _: Any) -> Values:
     names = enumerate(seen.names)
     return {"class_map": [{"class_id": i, "class_name": name} for i, name in names]}
 
 
-def _intrinsics(_: Any, sensor: RaySensor) -> Values:
-    fx, fy, cx, cy = sensor.intrinsics() or ()
+def _intrinsics(_: Any, sensor: Any) -> Values:
+    fx, fy, cx, cy = sensor.intrinsics()
     height, width = sensor.shape
     K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
     return {
@@ -180,7 +180,7 @@ def _intrinsics(_: Any, sensor: RaySensor) -> Values:
     }
 
 
-def _cloud(seen: Any, _: RaySensor) -> Values:
+def _cloud(seen: Any, _: Any) -> Values:
     points = np.empty(seen.depth.shape, POINT)
     points["xyz"], points["segment"] = seen.points(), seen.segment
     return {
@@ -191,7 +191,7 @@ def _cloud(seen: Any, _: RaySensor) -> Values:
     }
 
 
-def _pose(seen: Any, _: RaySensor) -> Values:
+def _pose(seen: Any, _: Any) -> Values:
     at, turn = xyz(seen.position), quaternion(seen.quaternion)
     return {"pose": {"position": at, "orientation": turn}}
 
@@ -209,7 +209,7 @@ def _pixels(numbers: AnyArray) -> Values:
     }
 
 
-Fields = Mapping[str, tuple[str, Callable[[Any, RaySensor], Values]]]
+Fields = Mapping[str, tuple[str, Callable[[Any, Any], Values]]]
 """Last word of a topic -> type of its messages, and their fields of a picture, apart
 from the header."""
 

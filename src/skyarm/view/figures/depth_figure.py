@@ -17,8 +17,9 @@ TALL, BAR = 1.6, 0.12
 
 
 def depth_figure(flights: Named, span: Span) -> Picture:
-    """Draw some depth pictures of each camera and lidar over a time interval, with a
-    colour bar in m; what has no depth is grey.
+    """Draw some depth pictures of each camera and lidar over a time interval, in m.
+
+    What has no depth is grey.
 
     Args:
         flights: words of the legend -> log.

@@ -120,7 +120,7 @@ def hides(flight: FlightFrames, name: str, shape: Shape) -> bool:
     sensor = flight.cameras.get(name)
     if sensor is None or sensor.sees_own_link or shape.role in OBSTACLES:
         return False
-    return shape.body == sensor.body_of(flight.vehicle)
+    return bool(shape.body == sensor.body_of(flight.vehicle))
 
 
 Path = Callable[[Flights, Array, float], CameraPath]

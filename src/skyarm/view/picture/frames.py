@@ -22,7 +22,7 @@ from skyarm.plant.loads import wind_at
 from skyarm.plant.surroundings import motions_of
 from skyarm.records.arrays import Array, float_array
 from skyarm.records.immutable import immutable
-from skyarm.scenario.scenario_record import Agent, NamedSensor, Scenario
+from skyarm.scenario.scenario_record import Agent, Scenario
 from skyarm.simulate.inputs import EpisodeInputs, table_of
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.stages import Stages
@@ -81,7 +81,7 @@ class FlightFrames(Instants):
     air: Array
     scene: Scene = field(default_factory=Scene)
     number: int = 0
-    sensors: Sequence[NamedSensor] = ()
+    sensors: Sequence[Any] = ()
 
     @cached_property
     def cameras(self) -> dict[str, Any]:

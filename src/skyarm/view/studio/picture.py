@@ -7,7 +7,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -277,8 +277,8 @@ class SightNodes:
         for agent, root in roots.items():
             record = scenario.agents[agent]
             for each in record.cameras:
-                sensor, (height, width) = each.sensor, each.sensor.shape
-                found = sensor.intrinsics()
+                sensor: Any = each.sensor
+                (height, width), found = sensor.shape, sensor.intrinsics()
                 if found is None:
                     continue
                 node = scene.add_camera_frustum(
