@@ -780,7 +780,8 @@ def begin(scenario: Scenario) -> None:
             from skyarm.world.contact.initial_world import require_bodies_apart
 
             require_bodies_apart(contact, motion)
-            _require_clear_views(contact, scenario.agents, motion)
+            if cameras:
+                _require_clear_views(contact, scenario.agents, motion)
 
 
 def _require_clear_views(
@@ -789,24 +790,26 @@ def _require_clear_views(
     """Raise an error if a camera starts inside a surface or a movable body."""
     from skyarm.world.contact.contact_point import ContactPoint
 
-    places = tuple(
-        ContactPoint(
-            name=f"sensors.{each.name}.position",
-            body=cast("RaySensor", each.sensor).link,
-            position=cast("RaySensor", each.sensor).position,
-            agent=name,
-        )
-        for name, agent in agents.items()
-        for each in agent.cameras
-    )
-    seeing = replace(contact, points=places)
+    places = list[ContactPoint]()
+    for name, agent in agents.items():
+        at = f"agents.{name}." * (len(agents) > 1)
+        for each in agent.cameras:
+            sensor = cast("RaySensor", each.sensor)
+            where = ContactPoint(
+                name=f"{at}sensors.{each.name}.position",
+                body=sensor.link,
+                position=sensor.position,
+                agent=name,
+            )
+            places.append(where)
+    seeing = replace(contact, points=tuple(places))
     meetings = seeing.meetings(seeing.start(1.0, ()), motion)
-    for each in meetings[: seeing.logged_pairs]:
-        if each.touch.depth > 0.0:
-            where = places[each.index]
+    for met in meetings[: seeing.logged_pairs]:
+        if met.touch.depth > 0.0:
+            where = places[met.index]
             given = shown([float(c) for c in where.position])
             raise ValueError(
-                f"{where.name} = {given}: starts inside {each.surface!r}, must start"
+                f"{where.name} = {given}: starts inside {met.surface!r}, must start"
                 " outside"
             )
 

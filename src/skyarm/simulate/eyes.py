@@ -48,7 +48,7 @@ from skyarm.world.scene.vehicle_shapes import (
 if TYPE_CHECKING:
     from skyarm.world.contact.contact_memory import ContactMemory
 
-AT_ONCE = 64
+AT_ONCE = 16
 """Number of instants whose rays are met together."""
 
 CARRIED = ("object_position", "object_quaternion", "mechanism_position")

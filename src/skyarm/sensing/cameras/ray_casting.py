@@ -110,17 +110,17 @@ class RayCaster:
         rows[..., 12:15] = (R_BO.swapaxes(2, 3) @ away)[..., 0]
         rows[..., 15] = (away[..., 0] ** 2).sum(axis=-1) - rows[..., 15]
         lanes = self._rays.shape[1]
-        sights = np.zeros((len(eyes), 4, lanes))
-        sights[:, 0] = np.inf
         blocks = lanes // self._kernel.lanes.width
-        for sight, own in zip(sights, rows, strict=True):
+        sight = np.zeros((4, lanes))
+        depths = np.empty((len(eyes), self._count))
+        numbers = np.empty((len(eyes), self._count), int)
+        for i, own in enumerate(rows):
+            sight[:2] = [[np.inf], [0.0]]
             # there are neither a log nor random numbers
             arrays = sight, self._rays, own, sight, sight
             places = [each.ctypes.data for each in arrays]
             given = Arguments(*places, 0, blocks, 0, len(own), 0, lanes, 1)
             self._kernel.machine.call(given)
-        found = sights[:, :2, : self._count]
-        depths, numbers = found.reshape(-1, 2, *self.directions.shape[:-1]).swapaxes(
-            0, 1
-        )
-        return depths, numbers.astype(int)
+            depths[i], numbers[i] = sight[:2, : self._count]
+        shape = (-1, *self.directions.shape[:-1])
+        return depths.reshape(shape), numbers.reshape(shape)
