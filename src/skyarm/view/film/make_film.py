@@ -174,7 +174,6 @@ def _cameras(
     """
     seconds = (times - times[0]) / settings.speed
     every = [flight for inside in together for flight in inside]
-    path = camera_named(settings.camera, every)
     aspect = min(box.width / box.height for box in layout.panels)
     desired = [
         np.stack([flight.desired_position for flight in inside]) for inside in together
@@ -183,8 +182,11 @@ def _cameras(
         each.shape == desired[0].shape and np.allclose(each, desired[0], atol=1e-3)
         for each in desired
     ):
-        return [path(every, seconds, aspect)] * len(together)
-    paths = [path(inside, seconds, aspect) for inside in together]
+        return [CAMERAS[settings.camera](every, seconds, aspect)] * len(together)
+    paths = [
+        camera_named(settings.camera, inside)(inside, seconds, aspect)
+        for inside in together
+    ]
     # a camera each, but one distance: sizes can be compared between panels
     distance = np.max([each.distance for each in paths], axis=0)
     return [replace(each, distance=distance) for each in paths]

@@ -8,7 +8,7 @@ time. Those of a log are resampled by :mod:`skyarm.view.film.filmed_flight`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from itertools import groupby
@@ -66,7 +66,7 @@ class FlightFrames(Instants):
         tilts: (F, rotors that tilt) rad; without columns where none does.
         scene: solids, lines and arrows of the scenario's components; of what vehicles
             share only with the first.
-        sensors: cameras and lidars of the vehicle.
+        cameras: depth cameras by name, behind that of the vehicle if there are several.
     """
 
     label: str
@@ -81,14 +81,7 @@ class FlightFrames(Instants):
     air: Array
     scene: Scene = field(default_factory=Scene)
     number: int = 0
-    sensors: Sequence[Any] = ()
-
-    @cached_property
-    def cameras(self) -> dict[str, Any]:
-        """Depth cameras by name, behind that of the vehicle if there are several."""
-        own = f"{self.name}." if len(self.agents) > 1 else ""
-        named = [(own + each.name, each.sensor) for each in self.sensors]
-        return {name: sensor for name, sensor in named if sensor.intrinsics()}
+    cameras: Mapping[str, Any] = field(default_factory=dict)
 
     @cached_property
     def desired_poses(self) -> Poses:
