@@ -246,9 +246,8 @@ class Eyes:
         """Pictures of a flight from its log, one at a time, when the sensor is due."""
         ticks = np.rint(log.time * self._scenario.rates.control).astype(int)
         due = np.flatnonzero(ticks % self._camera(name).every == 0)
-        # in pieces: memory does not grow with the flight
+        # in pieces, of which a long flight reads its file: memory does not grow
         for rows in (due[i : i + AT_ONCE] for i in range(0, len(due), AT_ONCE)):
-            # arrays of a long flight are read from its file at every access
             part = rows_of(log, slice(rows[0], rows[-1] + 1))
             some = rows - rows[0]
             seen = _Instants(

@@ -184,15 +184,13 @@ def _paths(scenario: Scenario) -> Iterator[tuple[str, str]]:
     yield from _all_below("wind and forces", blowing)
     if not scenario.agent.has_estimator:
         yield from _all_below("sensors", {"sensors": scenario.agent.noise})
-    for each in scenario.agent.sensors:
-        where = f"sensors.{each.name}"
+    for name, sensor in scenario.agent.all_sensors[1:]:
+        where = f"sensors.{name}"
         # an encoder that differences its positions reads no rates
         unread = (
-            f"{where}.rate."
-            if getattr(each.sensor, "rates", "") == "difference"
-            else " "
+            f"{where}.rate." if getattr(sensor, "rates", "") == "difference" else " "
         )
-        errors = _all_below("sensors", {where: each.sensor})
+        errors = _all_below("sensors", {where: sensor})
         # what is structurally absent (an int) has no random numbers: to add it would
         # change those of all others
         yield from (
