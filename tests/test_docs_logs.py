@@ -89,9 +89,7 @@ def test_the_topics_of_pictures_shown_are_those_that_are_written():
         for line in table.strip().splitlines()[2:]
     ]
     written = {f"/{last}": kind for last, (kind, _) in (FLAT | ROUND).items()}
-    assert dict(rows) == {
-        name: full_name(kind) for name, kind in written.items()
-    }
+    assert dict(rows) == {name: full_name(kind) for name, kind in written.items()}
 
 
 @cache

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array, Pixels
@@ -49,7 +48,6 @@ def put_inset(picture: Pixels, inset: Inset) -> None:
     pixels = depth_pixels(next(seen).depth)
     rows, columns, _ = pixels.shape
     scale = SHARE * min(box.height / rows, box.width / columns)
-    size = max(1, int(scale * columns)), max(1, int(scale * rows))
-    drawn = Image.fromarray(pixels).resize(size, Image.Resampling.NEAREST)
-    corner = slice(-size[1] - EDGE, -EDGE), slice(-size[0] - EDGE, -EDGE)
-    picture[box.inside][corner] = np.asarray(drawn)
+    high, wide = (max(1, int(scale * each)) for each in (rows, columns))
+    grown = pixels[np.arange(high) * rows // high][:, np.arange(wide) * columns // wide]
+    picture[box.inside][-high - EDGE : -EDGE, -wide - EDGE : -EDGE] = grown
