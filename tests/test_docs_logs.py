@@ -15,6 +15,7 @@ import pytest
 import skyarm
 from skyarm.cli.main import main
 from skyarm.log.ros.messages import full_name
+from skyarm.log.ros.pictures import FLAT, ROUND
 from skyarm.log.ros.topics import FlightTopics
 from support.flights import COMPASS, GPS, estimated
 from support.logs import flown
@@ -77,6 +78,18 @@ def test_the_topics_shown_are_those_that_are_written():
         if not each.name.startswith("/sensors/")
     }
     assert {name: (kind, rate) for name, kind, rate, _ in rows} == written
+
+
+def test_the_topics_of_pictures_shown_are_those_that_are_written():
+    (table,) = re.findall(
+        r"<!-- pictures; .*?-->\n(.*?)<!-- /pictures -->", PAGE, re.DOTALL
+    )
+    rows = [
+        [cell.strip().strip("`") for cell in line.strip("|").split("|")][:2]
+        for line in table.strip().splitlines()[2:]
+    ]
+    written = {f"/{last}": kind for last, (kind, _) in (FLAT | ROUND).items()}
+    assert dict(rows) == {name: full_name(kind) for name, kind in written.items()}
 
 
 @cache

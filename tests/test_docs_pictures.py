@@ -77,9 +77,10 @@ def test_the_code_shown_draws(folder: Path, capsys: pytest.CaptureFixture[str]) 
 
 def test_every_kind_stands_on_the_page() -> None:
     from skyarm.records.files.names import SUFFIXES
-    from skyarm.view.figures.flight_panels import ALL, KINDS, PATH
+    from skyarm.view.figures.flight_panels import ALL, DEPTH, KINDS, PATH
 
-    assert re.findall(r"^\| `(\w+)` \|", PAGE, re.MULTILINE) == [*KINDS, ALL, PATH]
+    found = re.findall(r"^\| `(\w+)` \|", PAGE, re.MULTILINE)
+    assert found == [*KINDS, ALL, PATH, DEPTH]
     assert all(suffix.upper() in PAGE for suffix in SUFFIXES)
 
 

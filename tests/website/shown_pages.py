@@ -37,7 +37,7 @@ def prepared(name: str) -> dict[str, str]:
         ).read_text("utf-8")
     for example in re.findall(
         r"[ \"](examples/(?:\w+\.(?:urdf|py)|loads_and_gusts\.toml)"
-        r"|examples/(?:pick_and_place_box|see_with_the_wrist)\.toml(?=\"))",
+        r"|examples/(?:pick_and_place_box|see_with_the_wrist)\.toml(?=[\" ]))",
         PAGES[name],
     ):
         files[example] = (ROOT / example).read_text("utf-8")

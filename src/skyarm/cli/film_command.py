@@ -35,7 +35,7 @@ from skyarm.view.film.make_film import Camera, FilmSettings, Layout, size_of
 from skyarm.view.film.recording import SUFFIXES, import_viser
 from skyarm.view.film.video_files import require_film_format, usual_size_and_rate
 
-OF_FILMS = ("--size", "--fine")
+OF_FILMS = ("--size", "--fine", "--inset")
 """Options of films without effect on a recording, which has no pixels."""
 
 PARTS = ("ghost", "plot")
@@ -73,10 +73,14 @@ def film(
     camera: Annotated[
         str,
         typer.Option(
-            help="follow, fixed or tip",
+            help="follow, fixed, tip, or the name of a depth camera",
             autocompletion=word_completion(*get_args(Camera)),
         ),
     ] = "follow",
+    inset: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="a depth camera or lidar, in a corner"),
+    ] = None,
     size: Annotated[
         str | None,
         typer.Option(
@@ -135,7 +139,8 @@ def film(
     width, height = usual[:2] if size is None else size_of(size)
     settings = FilmSettings(
         layout=cast("Layout", layout),
-        camera=cast("Camera", camera),
+        camera=camera,
+        inset=inset,
         width=width,
         height=height,
         fps=usual[2] if fps is None else fps,

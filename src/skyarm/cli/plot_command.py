@@ -21,7 +21,7 @@ from skyarm.records.files import shown, unreadable
 from skyarm.records.files.names import picture_file
 from skyarm.records.registry import names as registered
 from skyarm.view.figures.flight_facts import flight_labels
-from skyarm.view.figures.flight_panels import ALL, KINDS, PATH
+from skyarm.view.figures.flight_panels import ALL, DEPTH, KINDS, PATH
 from skyarm.view.figures.flight_plot import plot as draw
 
 
@@ -41,10 +41,10 @@ def plot(
         typer.Option(
             help=(
                 "with flights: tracking, attitude, tip, contact, efforts, rotors,"
-                " parts, team, path or all; "
+                " parts, team, path, depth or all; "
                 "all if left out"
             ),
-            autocompletion=word_completion(*KINDS, ALL, PATH),
+            autocompletion=word_completion(*KINDS, ALL, PATH, DEPTH),
         ),
     ] = None,
     window: Annotated[

@@ -289,6 +289,11 @@ class Delays:
         return float(self.command) + max(float(self.rotors), float(self.joints))
 
 
+VIEWS = ("follow", "fixed", "tip")
+"""Views of a film, which a camera may not be named after: ``skyarm film --camera`` has
+both."""
+
+
 @immutable
 class NamedSensor:
     """Named sensor in addition to the full state; an estimator receives its readings
@@ -311,6 +316,11 @@ class NamedSensor:
         if not isinstance(self.sensor, Sensor):
             raise ScenarioError(
                 f"sensors.{self.name} = {shown(self.sensor)}: must be a Sensor"
+            )
+        if self.sensor.sees and self.name in VIEWS:
+            raise ScenarioError(
+                f"sensors: name = {shown(self.name)}: must be none of"
+                f" {', '.join(VIEWS)}, views of a film, for a camera"
             )
 
 

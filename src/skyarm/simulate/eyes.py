@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars.philox import normal
-from skyarm.log.flight_log import Log
+from skyarm.log.flight_log import Log, rows_of
 from skyarm.records.arrays import Array, IntArray, float_array, stack_values
 from skyarm.records.files import must_be_one_of
 from skyarm.records.immutable import immutable, positional
@@ -248,14 +248,17 @@ class Eyes:
         """Pictures of a flight from its log, one at a time, when the sensor is due."""
         ticks = np.rint(log.time * self._scenario.rates.control).astype(int)
         due = np.flatnonzero(ticks % self._camera(name).every == 0)
-        vehicles = [(a.position, a.quaternion, a.joints) for a in log.agents.values()]
-        carried = {each: log.component(each) for each in CARRIED}
-        # in pieces: memory does not grow with the flight
+        # in pieces, of which a long flight reads its file: memory does not grow
         for rows in (due[i : i + AT_ONCE] for i in range(0, len(due), AT_ONCE)):
+            part = rows_of(log, slice(rows[0], rows[-1] + 1))
+            some = rows - rows[0]
             seen = _Instants(
-                log.time[rows],
-                [np.hstack([each[rows] for each in own]) for own in vehicles],
-                {each: array[rows] for each, array in carried.items()},
+                part.time[some],
+                [
+                    np.hstack([each.position, each.quaternion, each.joints])[some]
+                    for each in part.agents.values()
+                ],
+                {each: part.component(each)[some] for each in CARRIED},
             )
             keys = [self._keys] * len(rows)
             yield from self._frames(name, seen, ticks[rows].tolist(), keys)

@@ -104,6 +104,10 @@ class FlightInstant:
         """
         return self._eyes.frame(sensor, self.now, self.time, self.tick)
 
+    def is_due(self, sensor: str) -> bool:
+        """True if a camera or lidar takes a picture in the next period."""
+        return self._eyes.is_due(sensor, self.tick)
+
     @property
     def _eyes(self) -> Eyes:
         """Cameras and lidars of the scenario in force."""

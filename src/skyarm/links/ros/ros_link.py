@@ -20,6 +20,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from functools import partial
 from types import TracebackType
+from typing import Any
 
 import numpy as np
 
@@ -153,19 +154,19 @@ class RosLink:
         try:
             self._log = session.log
             # of the table of every number only a file explains the type
-            of_log = (
-                topic
-                for topic in FlightTopics(self._log).topics
-                if topic.kind != FLIGHT
-            )
+            topics = FlightTopics(self._log)
+            of_log = (topic for topic in topics.topics if topic.kind != FLIGHT)
             vehicles = session.scenario.vehicles
             own = {
                 name: _own_topics(vehicles[name], log)
                 for name, log in self._log.agents.items()
             }
             self._topics = (*of_log, *topics_of_all(own))
+            self._pictures = topics.pictures
+            self._seen: list[tuple[int, Any, bytes]] = []
+            pictures = (topic for each in self._pictures for topic in each.topics)
             # a message that is sent once waits for those who come later
-            for topic in self._topics:
+            for topic in (*self._topics, *pictures):
                 node.advertise(topic.name, topic.kind, latched=topic.every == 0)
             self._agents = {
                 name: _AgentInputs(session, name, timeout, self._take_messages)
@@ -174,6 +175,7 @@ class RosLink:
             for each in self._agents.values():
                 for subscription in each.subscriptions:
                     node.subscribe(*subscription)
+            self._look()
         except BaseException:
             node.close()
             raise
@@ -243,6 +245,20 @@ class RosLink:
                 topic.name, encode(topic.kind, DEFINITIONS, values, 1)[0].tobytes()
             )
         self._begun = True
+        (now,) = LogSection(instant, slice(None)).stamps
+        for stamp, topic, data in self._seen:
+            if stamp <= now:
+                self.node.send(topic.name, data)
+        self._seen = [each for each in self._seen if each[0] > now]
+        self._look()
+
+    def _look(self) -> None:
+        """Take the pictures that are due in the next period, whose messages leave when
+        they arrive.
+        """
+        for each in self._pictures:
+            if self.session.is_due(each.name):
+                self._seen += each.messages(self.session.frame(each.name))
 
     def _take_messages(
         self, topic: str, kind: str, use: Callable[[Content], None]

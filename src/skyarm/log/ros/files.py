@@ -6,6 +6,8 @@ import io
 import json
 from collections import Counter
 from collections.abc import Iterator
+from heapq import merge
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,7 @@ from skyarm.log.contents import log_info
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.formats import log_from_npz, npz_content
 from skyarm.log.ros.messages import definition, full_name
+from skyarm.log.ros.pictures import PictureTopic
 from skyarm.log.ros.topics import FlightTopics, Topic
 from skyarm.records.files import needs_extra, shown, versions
 from skyarm.records.files.writing import writing_atomically
@@ -45,7 +48,8 @@ def write_mcap(log: Log, path: Path) -> Path:
     with writing_atomically(path) as stream:
         writer: Any = Writer(
             stream,
-            chunk_size=CHUNK,
+            # pictures fill chunks fast, and the index of every chunk stays in memory
+            chunk_size=CHUNK << 2 if topics.pictures else CHUNK,
             compression=CompressionType.NONE,
             enable_data_crcs=True,
         )
@@ -67,7 +71,8 @@ def write_mcap(log: Log, path: Path) -> Path:
         schemas: dict[str, int] = {}
         channels: dict[str, int] = {}
         numbers: Counter[str] = Counter()
-        for topic in topics.topics:
+        seen = [topic for each in topics.pictures for topic in each.topics]
+        for topic in (*topics.topics, *seen):
             if topic.kind not in schemas:
                 text = definition(topic.kind, topics.definitions).encode()
                 schemas[topic.kind] = writer.register_schema(
@@ -77,7 +82,10 @@ def write_mcap(log: Log, path: Path) -> Path:
                 channels[topic.name] = writer.register_channel(
                     topic.name, "cdr", schemas[topic.kind]
                 )
-        for stamp, topic, data in _messages(topics, log):
+        # pictures are not sorted in pieces with the others: one is in memory at a time
+        pictures = (each.of_log(log) for each in topics.pictures)
+        rows = merge(_messages(topics, log), *pictures, key=itemgetter(0))
+        for stamp, topic, data in rows:
             writer.add_message(
                 channels[topic.name], stamp, data, stamp, numbers[topic.name]
             )
@@ -113,7 +121,9 @@ def read_mcap(path: Path) -> Log:
     return log_from_npz(flight, name)
 
 
-def _messages(topics: FlightTopics, log: Log) -> Iterator[tuple[int, Topic, bytes]]:
+def _messages(
+    topics: FlightTopics, log: Log
+) -> Iterator[tuple[int, Topic | PictureTopic, bytes]]:
     """Yield time (ns), topic and bytes of every ROS message of a log, ordered by
     time.
     """

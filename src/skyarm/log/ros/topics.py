@@ -21,6 +21,7 @@ from skyarm.log.flown_scenario import restored_at
 from skyarm.log.log_columns import Names, columns, names_of, word
 from skyarm.log.ros.message_bytes import Bytes, Values, encode
 from skyarm.log.ros.messages import DEFINITIONS, FLIGHT, flight_definition
+from skyarm.log.ros.pictures import OPTICAL, cameras_of, picture_topics
 from skyarm.log.ros.scene import (
     BASE_LINK,
     BASE_REFERENCE,
@@ -39,6 +40,7 @@ from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files.names import distinct
 from skyarm.records.immutable import positional
 from skyarm.vehicle import Vehicle
+from skyarm.world.scene.vehicle_shapes import matrices, quaternions_of
 
 FAST, SLOW = 200.0, 50.0
 """Rates (Hz) of messages of base and joints, and of the others; a slower control writes
@@ -89,6 +91,7 @@ class FlightTopics:
 
     Attributes:
         topics: in the order in which they are written at an instant.
+        pictures: topics of each camera and lidar, which are filled from its pictures.
         definitions: of all message types.
         period: instants after which the pattern of messages begins again.
     """
@@ -116,6 +119,7 @@ class FlightTopics:
                 first, lambda source, field: source == COMPONENTS and field in shared
             ),
         )
+        self.pictures = picture_topics(log, self._epoch)
 
     def encode(self, topic: Topic, log: Log) -> tuple[IntArray, Bytes]:
         """Encode the ROS messages of one topic from some instants of a flight; return
@@ -157,7 +161,7 @@ def _agent_topics(log: Log, shared: Collection[str]) -> list[Topic]:
             names,
             {name: name for name in ("joints", "joint_rates", *efforts)},
         ),
-        *_transforms(slow, vehicle_of(log), _mounts(log)),
+        *_transforms(slow, vehicle_of(log), log),
         Topic("/reference/base", "geometry_msgs/PoseStamped", slow, _reference),
         _topic("/reference/tip", POINT, slow, {"position": "tool_reference"}, {}),
         _topic("/tip", POINT, slow, {"position": "tool"}, {}),
@@ -262,9 +266,7 @@ def period_of(log: Log) -> int:
     return math.lcm(every_of(log)[1], *(each.every for each in sensors))
 
 
-def _transforms(
-    every: int, vehicle: Vehicle | None, mounts: Sequence[Values]
-) -> list[Topic]:
+def _transforms(every: int, vehicle: Vehicle | None, log: Log) -> list[Topic]:
     frames = None if vehicle is None else Frames(vehicle)
 
     def moving(part: LogSection) -> Values:
@@ -285,7 +287,17 @@ def _transforms(
     topics = [Topic("/tf", "tf2_msgs/TFMessage", every, moving)]
     if frames is None or vehicle is None:
         return topics
-    fixed = {"transforms": [*frames.fixed_transforms(), *mounts]}
+    optical = [
+        transform(
+            0,
+            frames.of_body(each.sensor.body_of(vehicle)),
+            f"{called}{OPTICAL}",
+            each.sensor.position,
+            quaternions_of(matrices(each.sensor.rotation, 1))[0],
+        )
+        for called, each in cameras_of(log).items()
+    ]
+    fixed = {"transforms": [*frames.fixed_transforms(), *_mounts(log), *optical]}
     drawn = {"markers": markers(vehicle, frames)}
     return [
         Topic("/tf_static", "tf2_msgs/TFMessage", 0, lambda _: fixed),

@@ -149,6 +149,12 @@ class RaySensor(Sensor):
         rows, columns = self.sizes
         return getattr(self, rows), getattr(self, columns)
 
+    def intrinsics(self) -> tuple[float, float, float, float] | None:
+        """Focal lengths and principal point fx, fy, cx, cy (pixels) of an image plane;
+        None without one.
+        """
+        return None
+
     def directions(self) -> Array:
         """Directions (rows, columns, 3) of the rays, optical axes, whose length is one
         unit of depth.

@@ -396,7 +396,7 @@ KINDS: Mapping[str, Callable[[Logs], Panels]] = {
     "team": _team,
 }
 
-ALL, PATH = "all", "path"
+ALL, PATH, DEPTH = "all", "path", "depth"
 
 MEASURED, ESTIMATED = "measured", "estimated"
 
@@ -440,7 +440,7 @@ def panels_of(kind: str, logs: Logs, *, together: bool = False) -> Panels:
     """
     if kind not in (*KINDS, ALL):
         raise ValueError(
-            f"kind = {shown(kind)}: {must_be_one_of((*KINDS, ALL, PATH), kind)}"
+            f"kind = {shown(kind)}: {must_be_one_of((*KINDS, ALL, PATH, DEPTH), kind)}"
         )
     has_tip = any(not np.array_equal(log.tip, log.position) for log in logs)
     left_out = {"parts", *([] if has_tip else ["tip"]), *([] if together else ["team"])}

@@ -14,6 +14,7 @@ from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.files import PathLike, number
 from skyarm.records.files.names import require_suffix
+from skyarm.view.figures.depth_figure import depth_figure
 from skyarm.view.figures.flight_facts import (
     Event,
     Flights,
@@ -28,6 +29,7 @@ from skyarm.view.figures.flight_facts import (
 )
 from skyarm.view.figures.flight_panels import (
     ALL,
+    DEPTH,
     ESTIMATED,
     MEASURED,
     PATH,
@@ -277,8 +279,9 @@ def plot(
             (with its error), "contact" (forces with the wanted one, and of grasps),
             "efforts" and "rotors" with their limits, "all" of these; "team" (tip error,
             forces of grasps and thrust of each vehicle, numbers of a team); or "path"
-            (of the tip, from above and from the right, with the world). Of one flight
-            also what was measured and estimated of these.
+            (of the tip, from above and from the right, with the world) or "depth" (some
+            pictures of cameras and lidars). Of one flight also what was measured and
+            estimated of these.
         window: (start, stop), s; the whole of the longest flight if left out.
 
     Returns:
@@ -299,6 +302,8 @@ def plot(
     span = _window(window, named)
     if kind == PATH:
         figure = path_figure(whole, span)
+    elif kind == DEPTH:
+        figure = depth_figure(whole, span)
     else:
         panels = panels_of(kind, list(named.values()), together=len(named) > len(whole))
         figure = _panels_figure(panels, named, span, kind == ALL)

@@ -5,16 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import product
 
 import numpy as np
 from numpy.linalg import norm
 
 from skyarm.records.arrays import Array, doubles, lengths
+from skyarm.records.files import must_be_one_of, shown
 from skyarm.view.picture.frames import FlightFrames, Flights, by_flight
 from skyarm.view.picture.mujoco_sink import FIELD_OF_VIEW, CameraPath
-from skyarm.world.scene.scene import hidden_share
-from skyarm.world.scene.vehicle_shapes import longest_boom
+from skyarm.world.scene.scene import OBSTACLES, hidden_share
+from skyarm.world.scene.shapes import Shape
+from skyarm.world.scene.vehicle_shapes import longest_boom, matrices
 
 AZIMUTH, ELEVATION = 125.0, -16.0
 """View direction (deg): along +x turned by the azimuth about z, and downwards by
@@ -92,13 +95,57 @@ def tip(flights: Flights, seconds: Array, aspect: float) -> CameraPath:
     return _path(_low_pass(desired, seconds), distance, free_azimuth(flights))
 
 
-CAMERAS: dict[str, Callable[[Flights, Array, float], CameraPath]] = {
-    "fixed": fixed_camera,
+def sensor_camera(
+    name: str, flights: Flights, seconds: Array, aspect: float
+) -> CameraPath:
+    """Path of a depth camera on the first vehicle that has it, whose whole picture is
+    in view.
+    """
+    flight, sensor = next(
+        (each, each.cameras[name]) for each in flights if name in each.cameras
+    )
+    body = sensor.body_of(flight.vehicle)
+    places = flight.place(sensor.position, body)
+    (height, width), (fx, fy, *_) = sensor.shape, sensor.intrinsics()
+    return replace(
+        _path(places, 0.0, 0.0),
+        rotation=flight.poses[body][0] @ matrices(sensor.rotation, 1)[0],
+        slope=0.5 * max(height / fy, width / fx / aspect),
+    )
+
+
+def hides(flight: FlightFrames, name: str, shape: Shape) -> bool:
+    """True for a shape of the link that carries a depth camera, which does not see
+    it.
+    """
+    sensor = flight.cameras.get(name)
+    if sensor is None or sensor.sees_own_link or shape.role in OBSTACLES:
+        return False
+    return bool(shape.body == sensor.body_of(flight.vehicle))
+
+
+Path = Callable[[Flights, Array, float], CameraPath]
+
+CAMERAS: dict[str, Path] = {
     "follow": follow,
+    "fixed": fixed_camera,
     "tip": tip,
 }
 """Camera path by name: function (flights in one picture, seconds of film (F,), width
 over height) -> path."""
+
+
+def camera_named(name: str, flights: Flights = ()) -> Path:
+    """Return the camera path of a name, also of a depth camera of the flights.
+
+    Raises:
+        ValueError: one line: no such camera.
+    """
+    sensors = [each for flight in flights for each in flight.cameras]
+    if name not in (*CAMERAS, *sensors):
+        known = must_be_one_of([*CAMERAS, *sensors], name)
+        raise ValueError(f"camera = {shown(name)}: {known}")
+    return CAMERAS.get(name, partial(sensor_camera, name))
 
 
 def _path(look_at: Array, distance: float, azimuth: float) -> CameraPath:

@@ -18,7 +18,7 @@ from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import LoopState
-from skyarm.view.film.camera_paths import CAMERAS, free_azimuth
+from skyarm.view.film.camera_paths import camera_named, free_azimuth
 from skyarm.view.film.captions import DESIGNED
 from skyarm.view.film.make_film import FilmSettings
 from skyarm.view.picture.frames import FlightFrames, frames_now
@@ -63,7 +63,9 @@ def picture_settings(given: Mapping[str, Any]) -> FilmSettings:
     for name in given:
         if name not in OPTIONS:
             raise ValueError(f"{shown(name)}: {must_be_one_of(OPTIONS, name)}")
-    return FilmSettings(plot=False, **{**OPTIONS, **given})
+    settings = FilmSettings(plot=False, **{**OPTIONS, **given})
+    camera_named(settings.camera)
+    return settings
 
 
 class EpisodePictures:
@@ -154,7 +156,7 @@ class EpisodePictures:
         """
         settings = self._settings
         along = settings.camera in ("follow", "tip")
-        path = CAMERAS[settings.camera]
+        path = camera_named(settings.camera)
         seen = path(
             [flight if along else whole],
             np.array([time]),

@@ -41,7 +41,8 @@ def film(
         labels: name of each flight.
         progress: called with (frames drawn, frames in all).
         settings: fields of :class:`skyarm.view.film.make_film.FilmSettings`: layout,
-            camera, width, height, fps, speed, start, stop, ghost, plot, fine, title.
+            camera, inset, width, height, fps, speed, start, stop, ghost, plot, fine,
+            title.
 
     Returns:
         the file.

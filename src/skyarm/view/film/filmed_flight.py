@@ -169,7 +169,11 @@ def _with_scenes(team: Sequence[FilmedFlight], log: Log) -> Iterator[FilmedFligh
         return _scene(log.agents[name], models, replace(agents[name], agents=agents))
 
     for each, scene in zip(agents.values(), scenes_of(agents, draw), strict=True):
-        yield replace(each, scene=scene)
+        own = f"{each.name}." if len(agents) > 1 else ""
+        named: Any = scenario.agents[each.name].cameras
+        cameras = {own + one.name: one.sensor for one in named}
+        flat = {name: one for name, one in cameras.items() if one.intrinsics()}
+        yield replace(each, scene=scene, cameras=flat)
 
 
 def _error(log: Log, push: TipPush | None) -> Array:

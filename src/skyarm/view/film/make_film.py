@@ -16,9 +16,10 @@ from skyarm.records.files import PathLike, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit, nonnegative, units
 from skyarm.view.figures.flight_facts import drawn_scenario, end_time
-from skyarm.view.film.camera_paths import CAMERAS
+from skyarm.view.film.camera_paths import CAMERAS, camera_named, hides
 from skyarm.view.film.captions import Captions, FrameLayout, frame_layout
 from skyarm.view.film.filmed_flight import FilmedFlight, film_flights
+from skyarm.view.film.insets import insets_of, put_inset
 from skyarm.view.film.video_files import require_film_format
 from skyarm.view.picture.frames import Flights, by_flight
 from skyarm.view.picture.marks import ghost_solids, marks_of, vehicle_solids
@@ -60,7 +61,7 @@ def make_film(
     logs = [flights] if isinstance(flights, Log) else list(flights)
     times = frame_times(logs, chosen)
     filmed = film_flights(logs, times, labels)
-    frames = film_frames(filmed, times, _with_title(chosen, logs), progress)
+    frames = film_frames(filmed, times, _with_title(chosen, logs), progress, logs)
     return write(path, frames, (chosen.width, chosen.height), chosen.fps, len(times))
 
 
@@ -93,8 +94,10 @@ def film_frames(
     times: Array,
     settings: FilmSettings,
     progress: Progress | None = None,
+    logs: Sequence[Log] = (),
 ) -> Iterator[Pixels]:
-    """Yield the rendered frames of a film as byte arrays (height, width, 3).
+    """Yield the rendered frames of a film as byte arrays (height, width, 3); an inset
+    needs the logs.
 
     Raises:
         NoDisplayError: nothing can be drawn on this machine.
@@ -104,12 +107,17 @@ def film_frames(
     layout = frame_layout(
         width, height, len(agents), settings.layout, plot=settings.plot, agents=agents
     )
+    name = settings.inset
+    insets = [] if name is None else insets_of(name, layout.panels, logs, times)
     captions = Captions(flights, times, layout, settings.title or "")
     with open_stage(
         film_panels(flights, times, settings, layout), width, height, fine=settings.fine
     ) as stage:
         for k in range(len(times)):
-            yield captions.frame(stage.draw(k), k)
+            picture = captions.frame(stage.draw(k), k)
+            for each in insets:
+                put_inset(picture, each)
+            yield picture
             if progress is not None:
                 progress(k + 1, len(times))
 
@@ -124,15 +132,22 @@ def film_panels(
     paths = _cameras(together, times, settings, layout)
     panels = []
     for box, inside, path in zip(layout.panels, together, paths, strict=True):
-        solids = [solid for flight in inside for solid in vehicle_solids(flight)]
-        if settings.ghost:
+        solids = [
+            solid
+            for flight in inside
+            for solid in vehicle_solids(flight)
+            if not hides(flight, settings.camera, solid.shape)
+        ]
+        # a sensor sees neither desired poses nor marks
+        free = settings.camera in CAMERAS
+        if settings.ghost and free:
             solids += [
                 solid
                 for flight in by_flight(inside)[0]
                 for solid in ghost_solids(flight)
             ]
         booms = max(longest_boom(flight.vehicle) for flight in inside)
-        marks = marks_of(inside, booms, layout.scale)
+        marks = marks_of(inside, booms, layout.scale) if free else lambda _: ()
         panels.append(
             FramePanel(
                 box.left,
@@ -159,18 +174,20 @@ def _cameras(
     """
     seconds = (times - times[0]) / settings.speed
     every = [flight for inside in together for flight in inside]
-    path = CAMERAS[settings.camera]
     aspect = min(box.width / box.height for box in layout.panels)
     desired = [
         np.stack([flight.desired_position for flight in inside]) for inside in together
     ]
     # 1 mm, which no picture shows
-    if all(
+    if settings.camera in CAMERAS and all(
         each.shape == desired[0].shape and np.allclose(each, desired[0], atol=1e-3)
         for each in desired
     ):
-        return [path(every, seconds, aspect)] * len(together)
-    paths = [path(inside, seconds, aspect) for inside in together]
+        return [CAMERAS[settings.camera](every, seconds, aspect)] * len(together)
+    paths = [
+        camera_named(settings.camera, inside)(inside, seconds, aspect)
+        for inside in together
+    ]
     # a camera each, but one distance: sizes can be compared between panels
     distance = np.max([each.distance for each in paths], axis=0)
     return [replace(each, distance=distance) for each in paths]
@@ -201,7 +218,9 @@ class FilmSettings:
         layout: "side" (a panel for each flight, side by side) or "over" (all flights in
             one).
         camera: "follow" (goes with the desired position), "fixed" (stands still and
-            sees all of the flight) or "tip" (close to the desired place of the tip).
+            sees all of the flight), "tip" (close to the desired place of the tip) or
+            the name of a depth camera of the flights.
+        inset: name of a depth camera, whose picture is in a corner of its panel.
         width, height: pixels, even numbers.
         fps: frames a second of the film. speed: seconds of flight a second of the film.
         start, stop: s of flight; to the end if ``stop`` is left out.
@@ -213,7 +232,8 @@ class FilmSettings:
     """
 
     layout: Layout = "side"
-    camera: Camera = "follow"
+    camera: str = "follow"
+    inset: str | None = None
     width: Side = 1280
     height: Side = 720
     fps: Annotated[int, Unit("1/s", "frames a second of the film", low=1, high=120)] = (
@@ -243,6 +263,8 @@ class FilmSettings:
 
     def __post_init__(self) -> None:
         accept_fields(self, "")
+        if not self.camera:
+            camera_named("")
         for field in ("width", "height"):
             if (side := getattr(self, field)) % 2:
                 raise ValueError(f"{field} = {side}: must be an even number")

@@ -21,7 +21,7 @@ from skyarm.records.arrays import Array, norm
 from skyarm.records.files import PathLike, needs_extra, write_atomically
 from skyarm.records.immutable import positional
 from skyarm.view.film.camera_paths import (
-    CAMERAS,
+    camera_named,
     free_azimuth,
     looking_towards,
     vehicle_reach,
@@ -331,7 +331,7 @@ def _surroundings(
     )
     seconds = (times - times[0]) / settings.speed
     # the player sets its camera once: to follow, all of the flight must be in view
-    path = CAMERAS["fixed" if settings.camera == "follow" else settings.camera](
+    path = camera_named("fixed" if settings.camera == "follow" else settings.camera)(
         flights, seconds, ASPECT
     )
     along = looking_towards(float(path.azimuth[0]), float(path.elevation[0]))

@@ -8,11 +8,11 @@ time. Those of a log are resampled by :mod:`skyarm.view.film.filmed_flight`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from itertools import groupby
-from typing import SupportsFloat
+from typing import Any, SupportsFloat
 
 import numpy as np
 
@@ -66,6 +66,7 @@ class FlightFrames(Instants):
         tilts: (F, rotors that tilt) rad; without columns where none does.
         scene: solids, lines and arrows of the scenario's components; of what vehicles
             share only with the first.
+        cameras: depth cameras by name, behind that of the vehicle if there are several.
     """
 
     label: str
@@ -80,6 +81,7 @@ class FlightFrames(Instants):
     air: Array
     scene: Scene = field(default_factory=Scene)
     number: int = 0
+    cameras: Mapping[str, Any] = field(default_factory=dict)
 
     @cached_property
     def desired_poses(self) -> Poses:

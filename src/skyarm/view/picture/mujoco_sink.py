@@ -79,12 +79,17 @@ class CameraPath:
     Attributes:
         look_at: (F, 3) m. distance: (F,) m. azimuth, elevation: (F,) deg, as MuJoCo's
             free camera has them.
+        rotation: (F, 3, 3) from optical to world axes of a camera at ``look_at``, which
+            replaces distance and angles; None for a free camera.
+        slope: tangent of half its field of view, from the lower to the upper edge.
     """
 
     look_at: Array
     distance: Array
     azimuth: Array
     elevation: Array
+    rotation: Array | None = None
+    slope: float = 0.0
 
 
 @positional
@@ -218,6 +223,17 @@ class Renderer:
         mujoco.mjv_updateCamera(
             self._model, self._data, _camera(panel.camera, k), scene
         )
+        if panel.camera.rotation is not None:
+            R = panel.camera.rotation[k]
+            # one for each eye; a free camera of MuJoCo has no roll
+            for eye in scene.camera:
+                eye.pos, eye.forward, eye.up = (
+                    panel.camera.look_at[k],
+                    R[:, 2],
+                    -R[:, 1],
+                )
+                eye.frustum_top = panel.camera.slope * eye.frustum_near
+                eye.frustum_bottom = -eye.frustum_top
         for i in range(scene.nlight):
             # the lamp goes along with what the camera looks at
             if not scene.lights[i].headlight:

@@ -5,8 +5,9 @@ the desired pose.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +16,9 @@ from skyarm.dynamics import State
 from skyarm.records.arrays import Array, float_array, lengths
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.first_state import first_loop_state
+from skyarm.simulate.session import Session
 from skyarm.vehicle import Vehicle
+from skyarm.view.picture.depth_pixels import depth_pixels
 from skyarm.view.picture.frames import goal_of, poses_of, scenes_at
 from skyarm.view.picture.marks import tones_of, touch_arrows
 from skyarm.view.picture.viser_sink import (
@@ -34,12 +37,14 @@ from skyarm.world.scene.shapes import Solid, floats
 from skyarm.world.scene.vehicle_shapes import (
     Placed,
     disc_name,
+    matrices,
     payload_shape,
+    quaternions_of,
     rotor_turns,
 )
 
 if TYPE_CHECKING:
-    from skyarm.view.studio.server import SceneApi, ViserServer
+    from skyarm.view.studio.server import CameraNode, SceneApi, ViserServer
 
 COLORS = ((38, 110, 190), (214, 105, 30), (44, 140, 80))
 """Colours of the first, second and third law, here and in the plots: blue, orange,
@@ -72,6 +77,12 @@ TRAIL = 4.0
 
 SLOW = 6
 """Frames between two drawings of slowly moving parts: ghost, trails, labels."""
+
+FRUSTUM, THIN = 0.12, 0.003
+"""Size and line width (m) of the frustum of a camera."""
+
+QUICK = 20_000
+"""Number of rays that take some milliseconds."""
 
 STAGE = "/stage"
 """Root node of the scene. A following camera moves this node the other way, so that
@@ -253,6 +264,46 @@ def turns_of(vehicle: Vehicle, state: State) -> dict[str, Array]:
     return rotor_turns(vehicle, float_array(state.tilts)[None])
 
 
+class SightNodes:
+    """Scene nodes of the depth cameras of a flight: a frustum with the picture, on the
+    link that carries it.
+
+    Args:
+        scene: scene of viser. scenario: scenario of the flight.
+        roots: node of each vehicle.
+    """
+
+    def __init__(
+        self, scene: SceneApi, scenario: Scenario, roots: Mapping[str, str]
+    ) -> None:
+        self._rows: list[tuple[str, int, CameraNode]] = []
+        for agent, root in roots.items():
+            record = scenario.agents[agent]
+            for each in record.cameras:
+                sensor: Any = each.sensor
+                (height, width), found = sensor.shape, sensor.intrinsics()
+                if found is None:
+                    continue
+                node = scene.add_camera_frustum(
+                    f"{root}/{sensor.body_of(record.vehicle)}/{each.name}",
+                    2.0 * math.atan2(0.5 * height, found[1]),
+                    width / height,
+                    scale=FRUSTUM,
+                    thickness=THIN,
+                    position=floats(sensor.position),
+                    wxyz=quaternions_of(matrices(sensor.rotation, 1))[0],
+                )
+                name = f"{agent}.{each.name}" if len(roots) > 1 else each.name
+                every = SLOW * (1 + height * width // QUICK)
+                self._rows.append((name, every, node))
+
+    def draw(self, session: Session, frame: int) -> None:
+        """Show what the cameras see now, seldom if they have many pixels."""
+        for name, every, node in self._rows:
+            if frame % every == 0:
+                node.image = depth_pixels(session.frame(name).depth)
+
+
 class StudioStage:
     """Light, ground and camera of a viser scene that can shift so that the camera
     follows a vehicle.
@@ -343,6 +394,10 @@ class FleetPicture(StudioStage):
             ]
             for i, title in enumerate(titles)
         ]
+        roots = {
+            name: f"{STAGE}/law1{end}" for name, end in zip(vehicles, ends, strict=True)
+        }
+        self._sights = SightNodes(self._scene, scenario, roots)
         grey = tones_of(GHOST, 0.25)
         self._ghosts = [
             VehicleNodes(self._scene, f"{STAGE}/ghost{end}", each[1], grey)
@@ -381,6 +436,7 @@ class FleetPicture(StudioStage):
             ]
             if i == 0:
                 self._follow(np.mean(bases, axis=0))
+                self._sights.draw(session, self._frame)
         if slow and flights:
             self._draw_ghosts(flights[0].session.scenario, flights[0].session.time)
 

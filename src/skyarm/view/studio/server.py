@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 ViserServer: TypeAlias = "viser.ViserServer"
 GuiApi: TypeAlias = "viser.GuiApi"
 SceneApi: TypeAlias = "viser.SceneApi"
+CameraNode: TypeAlias = "viser.CameraFrustumHandle"
 Tab: TypeAlias = "viser.GuiTabHandle"
 Menu: TypeAlias = "viser.GuiDropdownHandle[str]"
 Series: TypeAlias = "viser.uplot.Series"
