@@ -258,7 +258,7 @@ def test_the_shipped_layout_names_topics_of_its_example():
         (EXAMPLES / "files" / "foxglove_layout.json").read_text("utf-8")
     )
     seen = skyarm.load_scenario(EXAMPLES / "see_with_the_wrist.toml").agent.cameras
-    fields = {each.name: FLAT if each.sensor.intrinsics() else ROUND for each in seen}
+    fields = {name: FLAT if each.intrinsics() else ROUND for name, each in seen.items()}
     topics = {
         f"/sensors/{name}/{last}": kind
         for name, own in fields.items()

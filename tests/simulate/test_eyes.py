@@ -16,12 +16,13 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.plant.mujoco_model import body_name, build_spec
-from skyarm.records.leaves import leaves
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference.signals import Ramp
 from skyarm.scenario.scenario_record import NamedSensor, ScenarioError
 from skyarm.sensing.cameras.camera_kinds import DepthCamera
 from skyarm.simulate.eyes import Eyes
 from skyarm.simulate.first_state import first_loop_state
+from skyarm.simulate.loop_state import structure_of
 from skyarm.world.signal_vector import SignalVector
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -158,7 +159,9 @@ def test_a_log_a_session_and_many_lanes_show_the_same_numbers():
         times.append(session.time)
     eyes = Eyes(scenario)
     lanes = np.array(states, dtype=float).T
-    depths = eyes.depths("wrist", lanes, times, np.rint(np.array(times) * 200))
+    now = rebuild(structure_of(session.now), iter(lanes))
+    ticks = np.rint(np.array(times) * 200)
+    depths = eyes.depths("wrist", now, np.array(times), ticks)
     np.testing.assert_array_equal(depths, [each.depth for each in frames[:4]])
 
 
@@ -189,7 +192,8 @@ def test_noise_has_its_deviation_and_differs_from_picture_to_picture():
     assert errors.std() == pytest.approx(1.0, abs=4.0 / (2 * errors.size) ** 0.5)
     eyes, now = Eyes(scenario), first_loop_state(scenario)
     lanes = np.array([leaves(now)] * 3, dtype=float).T
-    begun, later, other = eyes.depths("wrist", lanes, 0.0, [0, 20, 0], [0, 0, 1])
+    many, keys = rebuild(structure_of(now), iter(lanes)), (scenario.seed, [0, 0, 1])
+    begun, later, other = eyes.depths("wrist", many, np.zeros(3), [0, 20, 0], keys=keys)
     np.testing.assert_array_equal(begun, noisy.depth)
     for each in (later, other):
         assert abs(np.corrcoef((begun - each).ravel(), errors.ravel())[0, 1]) < 0.8

@@ -24,7 +24,6 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import start_draws
-from skyarm.simulate.images import cameras_of
 from skyarm.simulate.lane_numbers import checked_array
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.pictures import ArrivingPictures
@@ -181,7 +180,7 @@ class EnvLanes:
         seen = [each for each in task.observation if each.sees]
         self._depths: dict[str, Any] = {each.sees: each for each in seen}
         self._pictures = ArrivingPictures(task.scenario, [*self._depths], lanes)
-        cameras = cameras_of(task.scenario)
+        cameras = task.scenario.agent.cameras
         self.pictures = {
             name: np.zeros((lanes, *cameras[name].shape, 1), self.dtype)
             for name in self._depths

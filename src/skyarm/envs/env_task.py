@@ -137,7 +137,7 @@ def _require_sensors(
     """Refuse pictures of sensors that are not there, or named as the vector of numbers,
     and endings that see.
     """
-    free = {each.name for each in flown.agent.cameras} - {"state"}
+    free = flown.agent.cameras.keys() - {"state"}
     for name in (each.sees for each in seen if each.sees):
         if name not in free:
             allowed = (

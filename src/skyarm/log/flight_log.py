@@ -304,7 +304,7 @@ class Log:
                 vehicles.
 
         Yields:
-            :class:`skyarm.simulate.eyes.Frame`.
+            :class:`skyarm.simulate.eyes.RangeImage`.
 
         Raises:
             ValueError: one line: no such sensor, or as :attr:`scenario`.

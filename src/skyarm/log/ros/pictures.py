@@ -88,7 +88,7 @@ class PictureTopics:
         """Yield time of arrival (ns), topic and bytes of each message of a picture.
 
         Args:
-            seen: picture, a :class:`skyarm.simulate.eyes.Frame`.
+            seen: picture, a :class:`skyarm.simulate.eyes.RangeImage`.
         """
         stamp = nanoseconds(np.array(seen.time)) + self._epoch
         late = nanoseconds(np.array(self.sensor.latency))

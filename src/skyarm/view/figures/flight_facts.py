@@ -26,7 +26,7 @@ from skyarm.records.immutable import immutable, positional
 from skyarm.records.plain import plain
 from skyarm.scenario.payload_tables import scheduled_changes
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.world.contact.contact_point import BASE_NAME
+from skyarm.world.contact.contact_point import body_names
 
 MOST_PATHS = 3
 """Number of changed paths that the legend names; for more it gives their number."""
@@ -312,10 +312,7 @@ def touches_own_body(log: Log, pair: Sequence[str]) -> bool:
     # of several vehicles each body has the vehicle's name before its own
     return any(
         each.startswith(f"{name}.") for name in scenario.agents for each in pair
-    ) or any(
-        pair[0] in (BASE_NAME, *(link.name for link in agent.plant.vehicle.moving))
-        for agent in scenario.agents.values()
-    )
+    ) or any(pair[0] in body_names(vehicle) for vehicle in scenario.vehicles.values())
 
 
 def grasp_pulls(log: Log) -> dict[str, Array]:
