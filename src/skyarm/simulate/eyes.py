@@ -249,7 +249,6 @@ class Eyes:
         now: LoopState,
         times: Array,
         tick: ArrayLike,
-        *,
         keys: Sequence[ArrayLike] = (),
         numbers: Mapping[str, Array] = MappingProxyType({}),
     ) -> Array:
@@ -270,7 +269,8 @@ class Eyes:
             np.broadcast_to(each, len(times)).astype(int).tolist()
             for each in (tick, *(keys or self._keys))
         )
-        varied = with_numbers(self._scenario, numbers)
+        flown = self._scenario
+        varied = with_numbers(flown, numbers) if numbers else flown
         poses = self._present(now, times, varied)
         frames = self._frames(name, times, poses, zip(*own, strict=True))
         return np.stack([each.depth for each in frames])
@@ -323,9 +323,8 @@ class Eyes:
             poses += carrier_poses(
                 contact.objects, contact.mechanisms, carried, count
             ).values()
-        for vehicle, own in zip(
-            self._scenario.vehicles.values(), vehicles, strict=True
-        ):
+        records = self._scenario.vehicles.values()
+        for vehicle, own in zip(records, vehicles, strict=True):
             poses += body_poses(vehicle, *own).values()
         rotations, positions = zip(*poses, strict=True)
         return np.stack(rotations, 1), np.stack(positions, 1)

@@ -8,7 +8,7 @@ of its state, which no control period changes.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from math import prod
 from typing import Any
 
@@ -22,7 +22,8 @@ from skyarm.simulate.loop_state import LoopState
 
 Images = tuple[Image, ...]
 
-Present = Callable[[AnyArray], tuple[LoopState, dict[str, Any]]]
+Present = tuple[LoopState, Sequence[Any], Mapping[str, Array]]
+"""State of the loops of some flights, and their keys and numbers (``Eyes.depths``)."""
 
 NEVER = sys.maxsize
 """Number of a control period that never comes."""
@@ -96,7 +97,11 @@ class ArrivingPictures:
         )
 
     def look(
-        self, scenario: Scenario, ticks: AnyArray, lanes: AnyArray, present: Present
+        self,
+        scenario: Scenario,
+        ticks: AnyArray,
+        lanes: AnyArray,
+        present: Callable[[AnyArray], Present],
     ) -> Iterator[Array]:
         """Take the pictures of this instant; give time and depths (m, 1 + pixels) of
         the newest that has arrived, of each camera.
@@ -105,8 +110,7 @@ class ArrivingPictures:
             scenario: scenario that flies now.
             ticks: (m,) numbers of the control periods.
             lanes: (m,) numbers of the flights.
-            present: function from numbers of flights to the state of their loops, and
-                to their numbers and keys (``Eyes.depths``).
+            present: function of numbers of flights.
         """
         # most flights see nothing, so the module is loaded by those that do
         from skyarm.simulate.eyes import Eyes
@@ -119,10 +123,10 @@ class ArrivingPictures:
             fresh = np.isnan(taken[0, lanes, 0])
             due = fresh | (ticks % every == 0)
             if due.any():
-                now, own = present(lanes[due])
+                now, keys, numbers = present(lanes[due])
                 counts = ticks[due]
                 times = counts / scenario.rates.control
-                depths = self._eyes.depths(name, now, times, counts, **own)
+                depths = self._eyes.depths(name, now, times, counts, keys, numbers)
                 rows = np.hstack([times[:, None], depths.reshape(len(times), -1)])
                 taken[:, lanes[fresh]] = rows[fresh[due]]
                 taken[counts // every % len(taken), lanes[due]] = rows
@@ -160,7 +164,7 @@ class FlightPictures(ArrivingPictures):
                 scenario,
                 np.array([tick]),
                 np.zeros(1, int),
-                lambda _: (rebuild(self._example, iter(carry[:, None])), {}),
+                lambda _: (rebuild(self._example, iter(carry[:, None])), (), {}),
             )
             for place, row in zip(self._places.values(), newest, strict=True):
                 carry[place] = row[0]
