@@ -206,8 +206,10 @@ class Overrides:
         return limits
 
     def holds(self, scenario: Scenario, path: str) -> bool:
-        """True if the parameter at a path is overridden, also under another name, as
-        faults.0 for faults.front and payload.mass for the only payload's.
+        """True if the parameter at a path is overridden, also under another name.
+
+        Names of one place are faults.0 and faults.front, or payload.mass and that of
+        the only payload.
         """
         if not self.numbers or path in dict(self.numbers):
             return path in dict(self.numbers)

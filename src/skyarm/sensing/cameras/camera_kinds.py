@@ -110,7 +110,9 @@ class RaySensor(Sensor):
     farthest: Annotated[
         float, positive("m", "largest range; what is farther reads inf", fixed=True)
     ] = 10.0
-    noise: DepthNoise = DepthNoise()
+    noise: Annotated[
+        DepthNoise, Unit("", "white noise of the depth, by its quadratic")
+    ] = DepthNoise()
     grazing: Annotated[
         float,
         nonnegative(
