@@ -150,7 +150,7 @@ def test_shields_lie_around_the_axes_of_their_rotors():
 @pytest.mark.parametrize(
     ("size", "words"),
     [
-        ((0.1,), "must be radius and height, of a rotor that does not tilt"),
+        ((0.1,), "[0.1]: must be two numbers, radius and height, m"),
         ((0.1, -0.1), "rotors[front].shield[1] = -0.1: must be above 0"),
     ],
 )

@@ -152,6 +152,13 @@ class RaySensor(Sensor):
         """
         return None
 
+    @property
+    def fan(self) -> tuple[float, float, float, float] | None:
+        """Azimuths at the left and right edge and elevations at the lower and upper one
+        (rad) of a fan of rays; None of an image plane.
+        """
+        return None
+
     def directions(self) -> Array:
         """Directions (rows, columns, 3) of the rays, optical axes, whose length is one
         unit of depth.
@@ -264,6 +271,14 @@ class Lidar(RaySensor):
             low, high = getattr(self, name)
             if not low < high:
                 refuse(name, [low, high], "must rise")
+
+    @property
+    def fan(self) -> tuple[float, float, float, float]:
+        """Azimuths at the left and right edge and elevations at the lower and upper one
+        (rad).
+        """
+        right, left = self.azimuth
+        return left, right, *self.elevation
 
     def directions(self) -> Array:
         """Unit vectors (rows, columns, 3) of the rays, optical axes."""
