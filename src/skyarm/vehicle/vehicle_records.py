@@ -647,12 +647,13 @@ def _require_whole(value: Vehicle) -> None:
     for each in value.rotors:
         if each.tilt is not None:
             each.tilt.require(f"rotors[{each.name}].tilt", each.axis)
-        if each.shield:
-            given = f"rotors[{each.name}].shield", list(each.shield)
-            if each.tilt is not None:
-                refuse(*given, "must be left out of a rotor that tilts")
-            if len(each.shield) != 2:
-                refuse(*given, "must be two numbers, radius and height, m")
+        if each.shield and (len(each.shield) != 2 or each.tilt is not None):
+            allowed = (
+                "must be two numbers, radius and height, m"
+                if each.tilt is None
+                else "must be left out of a rotor that tilts"
+            )
+            refuse(f"rotors[{each.name}].shield", list(each.shield), allowed)
     unique("collisions.name", [each.name for each in value.shapes])
     for frame in (*value.frames, *value.collisions):
         if not -1 <= frame.link < len(value.moving):
