@@ -154,8 +154,8 @@ class RaySensor(Sensor):
 
     @property
     def fan(self) -> tuple[float, float, float, float] | None:
-        """Azimuths at the left and right edge and elevations at the lower and upper one
-        (rad) of a fan of rays; None of an image plane.
+        """Azimuths at left and right edge and elevations at lower and upper edge (rad)
+        of a fan of rays; None without one.
         """
         return None
 
@@ -274,9 +274,7 @@ class Lidar(RaySensor):
 
     @property
     def fan(self) -> tuple[float, float, float, float]:
-        """Azimuths at the left and right edge and elevations at the lower and upper one
-        (rad).
-        """
+        """Azimuths at left and right edge, elevations at lower and upper edge (rad)."""
         right, left = self.azimuth
         return left, right, *self.elevation
 
