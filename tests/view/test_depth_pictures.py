@@ -78,6 +78,8 @@ def test_a_figure_of_flights_has_the_pictures_nearest_to_the_same_instants():
     whole = flown()
     short = rows_of(whole, slice(0, np.searchsorted(whole.time, 0.12)))
     figure = plot({"a": whole, "b": short}, kind="depth", window=(0.0, 0.2))
+    with pytest.raises(ValueError, match="in this window; a longer one has some of"):
+        plot(whole, kind="depth", window=(0.01, 0.02))
     titles = [ax.get_title() for ax in figure.axes if ax.get_title()]
     names = [f"{flight}: {name}" for flight in "ab" for name in ("wrist", "around")]
     frames = {"a": (0, 0.1, 0.2), "b": (0, 0.1)}

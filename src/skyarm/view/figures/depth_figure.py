@@ -43,10 +43,14 @@ def depth_figure(flights: Named, span: Span) -> Picture:
         found += [(own + name, _pictures(eyes, name, log, span)) for name in eyes.names]
     rows = [(label, seen, _shape(seen[0])) for label, seen in found if seen]
     if not rows:
+        cure = (
+            f"a longer one has some of {', '.join(label for label, _ in found)}"
+            if found
+            else "a [sensors.NAME] of kind = 'depth_camera' or 'lidar' takes them"
+        )
         raise ValueError(
-            "kind = 'depth': must be another one, for the flights have no pictures in"
-            " this window; a scenario has them by [sensors.NAME] with kind ="
-            " 'depth_camera' or 'lidar'"
+            "kind = 'depth': must be another one, for the flights have no pictures of"
+            f" cameras in this window; {cure}"
         )
     heights = [
         len(seen) * (SHARE * PAPER.wide * shape + WORDS)
@@ -104,7 +108,7 @@ def _draw(
             ax.set(xticks=[], yticks=[])
         elif flat or ax is axes[0]:
             ax.set_ylabel("elevation [deg]", **PAPER.small_words)
-        if fan is not None and ax in (*axes[len(pictures) - 1 :], *axes[: not flat]):
+        if fan is not None and (not flat or seen is pictures[-1]):
             ax.set_xlabel("azimuth [deg]", **PAPER.small_words)
     bar = part.colorbar(image, ax=axes[: len(pictures)], pad=0.01)
     bar.ax.tick_params(labelsize=PAPER.small, labelfontfamily=PAPER.font[0])

@@ -64,7 +64,7 @@ def _latest(frames: Iterator[Any], times: Array) -> Iterator[Any]:
 
 def put_inset(picture: Pixels, inset: Inset, scale: float) -> None:
     """Put the next picture of an inset into the lower right corner of its panel, below
-    the sensor's name and least and largest depth.
+    the sensor's name and depths.
 
     Args:
         picture: film frame.
