@@ -206,8 +206,9 @@ class Overrides:
         return limits
 
     def holds(self, scenario: Scenario, path: str) -> bool:
-        """True if the parameter at a path is overridden, also under another name, as
-        faults.0 for faults.front and payload.mass for the only payload's.
+        """True if the parameter at a path is overridden, also under another name.
+
+        Such are faults.0 for faults.front and payload.mass for the only payload's.
         """
         if not self.numbers or path in dict(self.numbers):
             return path in dict(self.numbers)
