@@ -7,8 +7,10 @@ numbers. Neither the loop nor a log holds pictures.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from itertools import pairwise
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
@@ -22,10 +24,12 @@ from skyarm.records.arrays import Array, IntArray, float_array, stack_values
 from skyarm.records.files import must_be_one_of
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import rebuild
+from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensing.cameras.camera_kinds import RaySensor, body_names
 from skyarm.sensing.cameras.ray_casting import RayCaster
+from skyarm.simulate.drawn_scenario import drawn_scenario
 from skyarm.simulate.draws import sensor_channel
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop_state import LoopState, structure_of
@@ -51,7 +55,10 @@ if TYPE_CHECKING:
     from skyarm.world.contact.contact_memory import ContactMemory
 
 AT_ONCE = 16
-"""Number of instants whose rays are met together."""
+"""Largest number of instants whose rays are met together."""
+
+RAYS = 400_000
+"""Number of rays that are met together; more instants would take more memory."""
 
 CARRIED = ("object_position", "object_quaternion", "mechanism_position")
 """Logged arrays with the poses of movable bodies."""
@@ -216,6 +223,21 @@ class Eyes:
                 )
         self.names = tuple(self._cameras)
 
+    @classmethod
+    def of_log(cls, log: Log) -> Eyes:
+        """Cameras of a flight from its log, whose laws need not be known any more.
+
+        Raises:
+            ValueError: one line: a log of one of several vehicles, which has not the
+                poses of all that is seen, or a scenario that cannot be restored.
+        """
+        if others := log.info.get("others"):
+            raise ScenarioError(
+                f"sensors: see {', '.join(others)}, too, whose poses are in the log of"
+                " the whole flight alone; take that log's frames"
+            )
+        return cls(drawn_scenario(log))
+
     def sensor(self, name: str) -> RaySensor:
         """Camera or lidar by its name."""
         return self._camera(name).sensor
@@ -246,10 +268,20 @@ class Eyes:
 
     def frames(self, name: str, log: Log) -> Iterator[Frame]:
         """Pictures of a flight from its log, one at a time, when the sensor is due."""
+        camera, changes = self._camera(name), stretches(self._scenario)
         ticks = np.rint(log.time * self._scenario.rates.control).astype(int)
-        due = np.flatnonzero(ticks % self._camera(name).every == 0)
+        due = np.flatnonzero(ticks % camera.every == 0)
+        if len(changes) > 1:
+            edges = np.searchsorted(ticks, [each.start for each in changes[1:]])
+            spans = pairwise([0, *edges, len(ticks)])
+            for each, (start, stop) in zip(changes, spans, strict=True):
+                # laws that change are not seen, and may not be known any more
+                flown = each.overrides.seen_of(self._scenario)
+                yield from Eyes(flown).frames(name, rows_of(log, slice(start, stop)))
+            return
         # in pieces, of which a long flight reads its file: memory does not grow
-        for rows in (due[i : i + AT_ONCE] for i in range(0, len(due), AT_ONCE)):
+        size = min(AT_ONCE, 1 + RAYS // math.prod(camera.sensor.shape))
+        for rows in (due[i : i + size] for i in range(0, len(due), size)):
             part = rows_of(log, slice(rows[0], rows[-1] + 1))
             some = rows - rows[0]
             seen = _Instants(
@@ -305,14 +337,14 @@ class Eyes:
             tick: number of the control period, one or (lanes,).
             keys: seed and episode of the noise; the scenario's if left out.
             numbers: path -> (lanes,) numbers of the scenario, of which positions of
-                surfaces count.
+                surfaces and centres of mass count.
         """
         ticks, *own = (
             np.broadcast_to(each, len(times)).astype(int).tolist()
             for each in (tick, *(keys or self._keys))
         )
-        seen, pairs = self._present(now, times), zip(*own, strict=True)
-        varied = with_numbers(self._scenario, numbers) if numbers else None
+        varied = with_numbers(self._scenario, numbers) if numbers else self._scenario
+        seen, pairs = self._present(now, times, varied), zip(*own, strict=True)
         frames = self._frames(name, seen, ticks, pairs, varied)
         return np.stack([each.depth for each in frames])
 
@@ -325,7 +357,9 @@ class Eyes:
     def _structure(self) -> LoopState:
         return structure_of(first_loop_state(self._scenario))
 
-    def _present(self, now: LoopState, times: Array) -> _Instants:
+    def _present(
+        self, now: LoopState, times: Array, varied: Scenario | None = None
+    ) -> _Instants:
         """Poses in a state of the loop, whose numbers are floats or arrays."""
         count = len(times)
         vehicles = [
@@ -333,7 +367,8 @@ class Eyes:
             for s in (each.state for each in now.agents)
         ]
         carried = dict[str, Array]()
-        for contact in self._scenario.worlds:
+        # a state has centres of mass, which may vary
+        for contact in (varied or self._scenario).worlds:
             # the contact model is the last of the shared ones
             memory = cast("ContactMemory", now.components[-1])
             pairs = zip(contact.carriers, memory.carried, strict=True)

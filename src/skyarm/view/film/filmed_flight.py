@@ -17,10 +17,10 @@ from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
 from skyarm.reference.tip_motion import TipPush
+from skyarm.simulate.drawn_scenario import drawn_scenario
 from skyarm.view.figures.flight_facts import (
     applied_force,
     desired_push,
-    drawn_scenario,
     end_time,
     flight_labels,
     vehicle_logs,
