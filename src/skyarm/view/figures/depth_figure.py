@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import SubFigure
 
 from skyarm.log.flight_log import Log, rows_of
+from skyarm.simulate.drawn_scenario import drawn_scenario
 from skyarm.simulate.eyes import Eyes, RangeImage
 from skyarm.view.figures.flight_facts import Named, Span
 from skyarm.view.figures.style import PAPER, Picture
@@ -39,7 +40,7 @@ def depth_figure(flights: Named, span: Span) -> Picture:
     """
     found = list[tuple[str, list[RangeImage]]]()
     for label, log in flights.items():
-        eyes, own = Eyes(log.scenario), f"{label}: " * (len(flights) > 1)
+        eyes, own = Eyes.of_log(log), f"{label}: " * (len(flights) > 1)
         found += [(own + name, _pictures(eyes, name, log, span)) for name in eyes.names]
     rows = [(label, seen, _shape(seen[0])) for label, seen in found if seen]
     if not rows:
@@ -67,7 +68,7 @@ def depth_figure(flights: Named, span: Span) -> Picture:
 
 def _pictures(eyes: Eyes, name: str, log: Log, span: Span) -> list[RangeImage]:
     """Different pictures that are nearest to the instants of an interval."""
-    ticks = np.rint(log.time * log.scenario.rates.control).astype(int).tolist()
+    ticks = np.rint(log.time * drawn_scenario(log).rates.control).astype(int).tolist()
     due = np.array([i for i, tick in enumerate(ticks) if eyes.is_due(name, tick)], int)
     due = due[(log.time[due] >= span[0]) & (log.time[due] <= span[1])]
     if not due.size:

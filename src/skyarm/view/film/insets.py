@@ -11,6 +11,7 @@ from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array, Pixels
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.scenario.scenario_record import cameras_of
+from skyarm.simulate.drawn_scenario import drawn_scenario
 from skyarm.view.film.captions import HEAD, INK, PAPER, Box, write_line
 from skyarm.view.picture.depth_pixels import depth_pixels
 
@@ -38,7 +39,7 @@ def insets_of(
         ValueError: one line: a flight without that camera.
     """
     for _, log in zip(panels, logs, strict=False):
-        known = cameras_of(log.scenario)
+        known = cameras_of(drawn_scenario(log))
         if name not in known:
             allowed = (
                 must_be_one_of(known, name)
