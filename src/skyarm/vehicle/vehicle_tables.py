@@ -151,8 +151,11 @@ def vehicle_from(
             " [[joints]] hold fixes some"
         )
         refuse("number of joints", len(bodies.links), allowed)
-    tables = read_rotor_tables(top, any(each.tilt_joint for each in bodies.rotors))
-    flying = mount_rotors(bodies, tables, airframe.rotors if airframe else ())
+    flying = mount_rotors(
+        bodies,
+        read_rotor_tables(top, any(each.tilt_joint for each in bodies.rotors)),
+        airframe.rotors if airframe else (),
+    )
     every = top.choice("inertia_repair", ("small", "nearest"), "small") == "nearest"
     # after the rotors' links were merged, because only the whole bodies have to be
     # physical

@@ -81,19 +81,18 @@ def put_inset(picture: Pixels, inset: Inset, scale: float) -> None:
     grown = pixels[np.arange(high) * rows // high][:, np.arange(wide) * columns // wide]
     right, low = box.left + box.width - EDGE, box.top + box.height - EDGE
     band = round(WORDS * HEAD * scale)
-    left, top = right - wide - 2 * LINE, max(low - high - 2 * LINE - band, 0)
-    framed = Box(left, top, right - left, low - top)
-    picture[framed.inside] = INK
+    left, top = right - wide - LINE, low - high - LINE
+    picture[top - band - LINE : low, left - LINE : right] = INK
+    picture[top : top + high, left : left + wide] = grown
     known = latest.depth[np.isfinite(latest.depth)]
     ends = (
         f", bright {known.min():.2g} m, dark {known.max():.2g} m" if known.size else ""
     )
     write_line(
         picture,
-        Box(left + LINE, top + LINE, wide, band),
+        Box(left, top - band, wide, band),
         latest.sensor + ends,
         WORDS * scale,
         ink=PAPER,
         paper=INK,
     )
-    picture[low - LINE - high : low - LINE, right - LINE - wide : right - LINE] = grown

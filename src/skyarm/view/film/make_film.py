@@ -182,8 +182,8 @@ def _seen_box(box: Box, camera: str, flights: Flights) -> Box:
     if (sensor := next(sensors, None)) is None:
         return box
     rows, columns = sensor.shape
-    scale = min(box.width / columns, box.height / rows)
-    wide, high = (max(1, round(scale * each)) for each in (columns, rows))
+    wide = min(box.width, max(1, round(box.height * columns / rows)))
+    high = min(box.height, max(1, round(box.width * rows / columns)))
     left, top = box.left + (box.width - wide) // 2, box.top + (box.height - high) // 2
     return Box(left, top, wide, high)
 
