@@ -407,6 +407,12 @@ def test_rotors_that_ride_on_a_joint_are_kept_and_the_joint_is_asked_for(folder)
     added = '\nimport_collisions = "file"'
     text_of_it = (folder / "touching.toml").read_text("utf-8")
     assert added in text_of_it
+    none = (
+        "# import_collisions = 'file' takes none: no other file states a shape that"
+        " touches\n"
+    )
+    assert none in text_of_it
+    text_of_it = text_of_it.replace(none, "")
     assert text_of_it.replace(added, "").replace("touching", "mine") == written
     asked = skyarm("check", "mine.toml")
     assert "state them in mine.toml" in asked.out

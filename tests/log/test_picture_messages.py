@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise, product
 from pathlib import Path
@@ -17,7 +18,7 @@ from scipy.interpolate import CubicSpline
 
 import skyarm
 from skyarm.links.ros import RosLink
-from skyarm.log.ros.pictures import FLAT, ROUND
+from skyarm.log.ros.pictures import FLAT, ROUND, cameras_of
 from skyarm.simulate.session import Session
 from support.peers import MemoryNode
 
@@ -253,12 +254,19 @@ def test_live_messages_are_those_of_the_file_to_the_byte(path):
         assert node.sent[topic] == wanted[topic][:1], topic
 
 
+@pytest.mark.parametrize("agent", [[], {"sensors": 3}, {"sensors": ["eye"]}])
+def test_a_damaged_scenario_has_no_cameras(read, agent):
+    log, *_ = read
+    info = log.info | {"scenario_record": {"agents": {"vehicle": agent}}}
+    assert cameras_of(replace(log, info=info)) == {}
+
+
 def test_the_shipped_layout_names_topics_of_its_example():
     layout = json.loads(
         (EXAMPLES / "files" / "foxglove_layout.json").read_text("utf-8")
     )
     seen = skyarm.load_scenario(EXAMPLES / "see_with_the_wrist.toml").agent.cameras
-    fields = {each.name: FLAT if each.sensor.intrinsics() else ROUND for each in seen}
+    fields = {name: FLAT if each.intrinsics() else ROUND for name, each in seen.items()}
     topics = {
         f"/sensors/{name}/{last}": kind
         for name, own in fields.items()

@@ -187,7 +187,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
         {"obstacles": [{"shape": "pyramid", "position": [0, 0, 0], "size": [1]}]},
         (
             "obstacles[0].shape = 'pyramid': must be one of plane, box, cylinder,"
-            " sphere, hole, capsule, hull"
+            " sphere, hole, capsule, hull, heightfield"
         ),
     ),
     (
@@ -212,7 +212,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
         (
             "obstacles[0].colour = 'red': unknown field; "
             "allowed: name, shape, size, position, angles, motion, material, mesh,"
-            " vertices"
+            " vertices, heights"
         ),
     ),
     (
@@ -238,7 +238,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
         (
             "obstacles[0].velocity = [1, 0, 0]: unknown field; "
             "allowed: name, shape, size, position, angles, motion, material, mesh,"
-            " vertices"
+            " vertices, heights"
         ),
     ),
     (
@@ -324,7 +324,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
         {"world": {"surfaces": [{"name": "a", "shape": "pyramid"}]}},
         (
             "world.surfaces[0].shape = 'pyramid': must be one of plane, box, cylinder,"
-            " sphere, hole, capsule, hull"
+            " sphere, hole, capsule, hull, heightfield"
         ),
     ),
     (

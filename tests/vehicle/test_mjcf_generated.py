@@ -28,7 +28,7 @@ def test_an_error_of_mujoco_is_one_line(tmp_path):
     file.write_text(model("<asset><mesh file='none.stl'/></asset>"))
     with pytest.raises(
         VehicleError,
-        match=r"x\.xml: MJCF = .*none.*: must be a model that MuJoCo loads$",
+        match=r"x\.xml: MJCF = .*none.*: must be a model that MuJoCo loads, with",
     ):
         load_vehicle(file)
 

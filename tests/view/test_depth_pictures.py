@@ -129,7 +129,7 @@ def test_the_studio_shows_what_a_session_sees_on_the_cameras_link():
 
 @pytest.mark.parametrize("name", ["follow", "fixed", "tip"])
 def test_no_camera_has_the_name_of_a_films_view(name):
-    sensor = scenario().agent.cameras[0].sensor
+    sensor = scenario().agent.cameras["wrist"]
     with pytest.raises(ValueError, match=f"sensors: name = '{name}': must be none of"):
         NamedSensor(name=name, sensor=sensor)
 

@@ -24,10 +24,8 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import start_draws
-from skyarm.simulate.images import cameras_of
 from skyarm.simulate.lane_numbers import checked_array
-from skyarm.simulate.loop_state import LoopState
-from skyarm.simulate.pictures import ArrivingPictures
+from skyarm.simulate.pictures import ArrivingPictures, Present
 
 AHEAD = 8192
 """Number of episodes, over all lanes, that are made at once; NumPy then takes about a
@@ -178,10 +176,11 @@ class EnvLanes:
         now: Any = rebuild(self.program.first, iter(list(self._carry)))
         self.loop = now.loop
         self.state: State = now.loop.agent.state
-        seen = [each for each in task.observation if each.sees]
-        self._depths: dict[str, Any] = {each.sees: each for each in seen}
+        self._depths: dict[str, Any] = {
+            each.sees: each for each in task.observation if each.sees
+        }
         self._pictures = ArrivingPictures(task.scenario, [*self._depths], lanes)
-        cameras = cameras_of(task.scenario)
+        cameras = task.scenario.agent.cameras
         self.pictures = {
             name: np.zeros((lanes, *cameras[name].shape, 1), self.dtype)
             for name in self._depths
@@ -230,13 +229,10 @@ class EnvLanes:
         if not self.pictures:
             return
 
-        def present(some: Array) -> tuple[LoopState, dict[str, Any]]:
+        def present(some: Array) -> Present:
             numbers = zip(self.program.paths, self._numbers[:, some], strict=True)
             keys = self.seeds[some], self.episodes[some]
-            return (
-                rebuild(self.loop, iter(self._carry[:, some])),
-                {"keys": keys, "numbers": dict(numbers)},
-            )
+            return rebuild(self.loop, iter(self._carry[:, some])), keys, dict(numbers)
 
         ticks = np.asarray(self.loop.ticks)[lanes].astype(int)
         newest = self._pictures.look(self.task.scenario, ticks, lanes, present)

@@ -127,8 +127,12 @@ def make_task(
 
 SHAPING = re.compile(
     r"^world\.mechanisms|\.(size|angles|vertices|collisions|joint\.(position|axis))\b"
+    r"|\.shield\b"
 )
 """Paths of numbers that change what a camera sees, but for poses."""
+
+SHIELDED = re.compile(r"\.rotors\.[^.]+\.(position|axis)\b")
+"""Paths that also do where a rotor has a shield."""
 
 
 def _require_sensors(
@@ -137,7 +141,7 @@ def _require_sensors(
     """Refuse pictures of sensors that are not there, or named as the vector of numbers,
     and endings that see.
     """
-    free = {each.name for each in flown.agent.cameras} - {"state"}
+    free = flown.agent.cameras.keys() - {"state"}
     for name in (each.sees for each in seen if each.sees):
         if name not in free:
             allowed = (
@@ -145,7 +149,10 @@ def _require_sensors(
             )
             raise ScenarioError(f"observation: sensor = {name!r}: must be {allowed}")
         free -= {name}
-        for path in filter(SHAPING.search, paths):
+        shields = flown.agent.vehicle.shields
+        for path in paths:
+            if not (SHAPING.search(path) or (shields and SHIELDED.search(path))):
+                continue
             raise ScenarioError(
                 f"randomise: path = {path!r}: must not vary where {name!r} is observed,"
                 " which sees the scenario's shapes; their positions may"

@@ -304,12 +304,13 @@ class Log:
                 vehicles.
 
         Yields:
-            :class:`skyarm.simulate.eyes.Frame`.
+            :class:`skyarm.simulate.eyes.RangeImage`.
 
         Raises:
-            ValueError: one line: no such sensor, or as :attr:`scenario`.
+            ValueError: one line: no such sensor, a log of one of several vehicles, or
+                as :attr:`scenario`; a law of its own may be unknown by now.
         """
-        eyes = import_module(EYES).Eyes(self.scenario)
+        eyes = import_module(EYES).Eyes.of_log(self)
         frames: Iterator[Any] = eyes.frames(sensor, self)
         return frames
 

@@ -206,8 +206,10 @@ class Overrides:
         return limits
 
     def holds(self, scenario: Scenario, path: str) -> bool:
-        """True if the parameter at a path is overridden, also under another name, as
-        faults.0 for faults.front and payload.mass for the only payload's.
+        """True if the parameter at a path is overridden, also under another name.
+
+        Names of one place are faults.0 and faults.front, or payload.mass and that of
+        the only payload.
         """
         if not self.numbers or path in dict(self.numbers):
             return path in dict(self.numbers)
@@ -237,6 +239,18 @@ class Overrides:
     def of(self, scenario: Scenario) -> Scenario:
         """Scenario with all overrides applied and without scheduled changes."""
         return with_numbers(self.parts_of(scenario), dict(self.numbers))
+
+    def seen_of(self, scenario: Scenario) -> Scenario:
+        """Scenario with the overrides that cameras see, numbers of world and vehicles,
+        and without scheduled changes.
+        """
+        seen = ("world.", "plant.vehicle.")
+        numbers = {
+            path: value
+            for path, value in self.numbers
+            if word_of(path).startswith(seen)
+        }
+        return with_numbers(scenario.as_begun, numbers)
 
 
 def measured_paths(scenario: Scenario, name: str) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache, partial
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple
 
 from skyarm.algebra import Mat3, Scalars
 from skyarm.control.controller import (
@@ -41,20 +41,14 @@ from skyarm.records.leaves import Place, Tree, leaves, named_leaves, part
 from skyarm.records.words import Slot, slots
 from skyarm.reference.trajectory import Trajectory
 from skyarm.scenario.endings import BodyCollision, BodyContact, RotorContact
-from skyarm.scenario.paths import errors_of_agent, is_below
-from skyarm.scenario.scenario_record import (
-    Agent,
-    Scenario,
-    ScenarioError,
-    first_state,
-)
+from skyarm.scenario.paths import errors_of_agent, is_below, prefix_of
+from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle import Vehicle
 from skyarm.vehicle.vehicle_records import require_plant
 from skyarm.world import Component
 
 if TYPE_CHECKING:
-    from skyarm.sensing.cameras.camera_kinds import RaySensor
     from skyarm.world.contact.contact import Contact
 
 LONGEST_FLIGHT = 10_000_000
@@ -418,20 +412,10 @@ def sensors_suffice(scenario: Scenario) -> None:
     )
 
 
-@rule("controller", "sensors", "endings", "environment", numbers=False)
+@rule("controller", "sensors", "endings", numbers=False)
 def pictures_are_taken(scenario: Scenario) -> None:
-    """Check that the law and the endings see cameras or lidars of the vehicle, and
-    these no heightfield.
-    """
-    cameras = [each.name for each in scenario.agent.cameras]
-    surfaces = [each for world in scenario.worlds for each in world.surfaces]
-    # no ray is computed against one: a picture without it would show what is behind
-    for each in surfaces if cameras else ():
-        if each.shape == "heightfield":
-            raise ValueError(
-                f"sensors.{cameras[0]}: sees no heightfields, must be left out beside"
-                f" the one of world.surfaces[{each.name}]"
-            )
+    """Check that the law and the endings see cameras or lidars of the vehicle."""
+    cameras = [*scenario.agent.cameras]
     sees = {"controller": scenario.agent.controller.sees}
     sees |= {f"endings[{i}]": each.sees for i, each in enumerate(scenario.endings)}
     for where, names in sees.items():
@@ -808,28 +792,35 @@ def begin(scenario: Scenario) -> None:
 
             require_bodies_apart(contact, motion)
             if cameras:
-                _require_clear_views(contact, scenario.agents, motion)
+                _require_clear_views(scenario, contact, motion)
 
 
 def _require_clear_views(
-    contact: Contact, agents: Mapping[str, Agent], motion: PointMotion
+    scenario: Scenario, contact: Contact, motion: PointMotion
 ) -> None:
-    """Raise an error if a camera starts inside a surface or a movable body."""
+    """Raise an error if a camera starts inside a surface or a movable body, or is one
+    beside a heightfield.
+    """
     from skyarm.world.contact.contact_point import ContactPoint
 
-    places = list[ContactPoint]()
-    for name, agent in agents.items():
-        at = f"agents.{name}." * (len(agents) > 1)
-        for each in agent.cameras:
-            sensor = cast("RaySensor", each.sensor)
-            where = ContactPoint(
-                name=f"{at}sensors.{each.name}.position",
-                body=sensor.link,
-                position=sensor.position,
-                agent=name,
+    places = tuple(
+        ContactPoint(
+            name=f"{prefix_of(scenario, agent)}sensors.{name}.position",
+            body=sensor.link,
+            position=sensor.position,
+            agent=agent,
+        )
+        for agent, own in scenario.agents.items()
+        for name, sensor in own.cameras.items()
+    )
+    for surface in contact.surfaces:
+        # no ray meets one: a picture without it would show what is behind
+        if surface.shape == "heightfield":
+            raise ValueError(
+                f"{places[0].name.removesuffix('.position')}: sees no heightfield, must"
+                f" be left out beside world.surfaces[{surface.name}]"
             )
-            places.append(where)
-    seeing = replace(contact, points=tuple(places))
+    seeing = replace(contact, points=places)
     meetings = seeing.meetings(seeing.start(1.0, ()), motion)
     for met in meetings[: seeing.logged_pairs]:
         if met.touch.depth > 0.0:

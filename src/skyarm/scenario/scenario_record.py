@@ -55,6 +55,7 @@ from skyarm.vehicle import Vehicle
 from skyarm.world import NO_WIND, Component, Fault, TimedPayload
 
 if TYPE_CHECKING:
+    from skyarm.sensing.cameras.camera_kinds import RaySensor
     from skyarm.world.battery_drain import BatteryDrain
     from skyarm.world.contact.contact import Contact
     from skyarm.world.contact.surface import Surface
@@ -723,9 +724,10 @@ class Agent:
         return ((FULL_STATE, self.noise), *(each for each in named if not each[1].sees))
 
     @property
-    def cameras(self) -> tuple[NamedSensor, ...]:
-        """Cameras and lidars, which are no part of a control period."""
-        return tuple(each for each in self.sensors if each.sensor.sees)
+    def cameras(self) -> dict[str, RaySensor]:
+        """Cameras and lidars by name, which are no part of a control period."""
+        every = {each.name: each.sensor for each in self.sensors if each.sensor.sees}
+        return cast("dict[str, RaySensor]", every)
 
     @property
     def modelled_payloads(self) -> tuple[TimedPayload, ...]:
@@ -1401,6 +1403,17 @@ def trimmed_state(world: Truth, position: Vec3, yaw: Scalar, joints: Scalars) ->
         ),
         tilts=(0.0,) * len(vehicle.tilts),
     )
+
+
+def cameras_of(scenario: Scenario) -> dict[str, tuple[str, RaySensor]]:
+    """Vehicle and record of each camera and lidar by name, behind that of its vehicle
+    and a dot if there are several.
+    """
+    return {
+        f"{agent}.{name}" if scenario.is_team else name: (agent, sensor)
+        for agent, own in scenario.agents.items()
+        for name, sensor in own.cameras.items()
+    }
 
 
 def first_state(scenario: Scenario) -> State:

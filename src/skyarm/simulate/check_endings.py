@@ -24,8 +24,8 @@ from skyarm.reference.trajectory import failure_words
 from skyarm.scenario.endings import BUILT_IN, PHASE_FAILED, Ending, not_finite
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.images import Images, images_of
 from skyarm.simulate.loop_state import Clock
+from skyarm.simulate.pictures import Images, images_of
 
 SLACK = 1e-5
 """Distance (m, rad or 1) inside a limit up to which a lane may be that machine code,

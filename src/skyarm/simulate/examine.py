@@ -87,8 +87,8 @@ from skyarm.scenario.without_effect import WEIGHT, readings_at
 from skyarm.sensing.measurement import Measurement, measurement_of
 from skyarm.sensing.sensor import NO_PUSH
 from skyarm.sensing.sensor_kinds import declared_reading
-from skyarm.simulate.images import blank_images
 from skyarm.simulate.inputs import held_times
+from skyarm.simulate.pictures import blank_images
 from skyarm.vehicle import BASE
 from skyarm.world import Wrench
 from skyarm.world.component import MOST_UNIFORMS

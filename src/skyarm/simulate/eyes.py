@@ -7,8 +7,10 @@ numbers. Neither the loop nor a log holds pictures.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from itertools import pairwise
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
@@ -21,28 +23,24 @@ from skyarm.log.flight_log import Log, rows_of
 from skyarm.records.arrays import Array, IntArray, float_array, stack_values
 from skyarm.records.files import must_be_one_of
 from skyarm.records.immutable import immutable, positional
-from skyarm.records.leaves import rebuild
+from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.numbers import with_numbers
-from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.sensing.cameras.camera_kinds import RaySensor, body_names
+from skyarm.scenario.scenario_record import Scenario, ScenarioError, cameras_of
+from skyarm.sensing.cameras.camera_kinds import RaySensor
 from skyarm.sensing.cameras.ray_casting import RayCaster
+from skyarm.simulate.drawn_scenario import drawn_scenario
 from skyarm.simulate.draws import sensor_channel
-from skyarm.simulate.first_state import first_loop_state
-from skyarm.simulate.loop_state import LoopState, structure_of
+from skyarm.simulate.loop_state import LoopState
 from skyarm.vehicle import BASE
 from skyarm.world.component import by_array
+from skyarm.world.contact.contact_point import body_names
 from skyarm.world.contact.contact_scene import carrier_poses
 from skyarm.world.contact.material import Material
 from skyarm.world.contact.shape_pairs import PlacedShape
-from skyarm.world.contact.vehicle_bodies import (
-    Part,
-    part_of,
-    part_of_vehicle,
-)
+from skyarm.world.contact.vehicle_bodies import Part, part_of, part_of_vehicle
 from skyarm.world.scene.vehicle_shapes import (
     body_poses,
     matrices,
-    place,
     quaternions_of,
     vectors,
 )
@@ -51,21 +49,18 @@ if TYPE_CHECKING:
     from skyarm.world.contact.contact_memory import ContactMemory
 
 AT_ONCE = 16
-"""Number of instants whose rays are met together."""
+"""Largest number of instants whose rays are met together."""
+
+RAYS = 400_000
+"""Number of rays that are met together; more instants would take more memory."""
 
 CARRIED = ("object_position", "object_quaternion", "mechanism_position")
 """Logged arrays with the poses of movable bodies."""
 
 
-@positional
-class _Instants:
-    """Poses at N instants: times (N,) s; position, quaternion and joints of each
-    vehicle, (N, 7 + n); arrays of ``CARRIED``.
-    """
-
-    times: Array
-    vehicles: Sequence[Array]
-    carried: Mapping[str, Array]
+Poses = tuple[Array, Array]
+"""Rotations (N, bodies, 3, 3) to world axes and positions (N, bodies, 3), m, of all
+bodies at N instants."""
 
 
 @positional
@@ -82,7 +77,7 @@ class _Camera:
 
 
 @immutable(slots=False, eq=False)
-class Frame:
+class RangeImage:
     """Picture of a depth camera or lidar.
 
     Attributes:
@@ -189,36 +184,43 @@ class Eyes:
             for carrier in contact.carriers:
                 shapes.append((carrier.name, [*map(part_of, carrier.surfaces)]))
         bases = dict[str, int]()
-        several = len(scenario.agents) > 1
         for agent, vehicle in scenario.vehicles.items():
             bases[agent] = len(shapes) - BASE
             for link, name in enumerate(body_names(vehicle), BASE):
                 own = [each for each in vehicle.shapes if each.link == link]
                 parts = [part_of_vehicle(each, Material()) for each in own]
-                shapes.append((f"{agent}.{name}" if several else name, parts))
+                shapes.append((f"{agent}.{name}" if scenario.is_team else name, parts))
         self.bodies = ("", *(name for name, _ in shapes))
         every = [(i, part) for i, (_, parts) in enumerate(shapes) for part in parts]
         self._cameras = dict[str, _Camera]()
-        for agent, record in scenario.agents.items():
-            for each in record.cameras:
-                sensor = cast("RaySensor", each.sensor)
-                body = bases[agent] + sensor.body_of(record.vehicle)
-                seen = [row for row in every if sensor.sees_own_link or row[0] != body]
-                name = f"{agent}.{each.name}" if several else each.name
-                self._cameras[name] = _Camera(
-                    sensor,
-                    body,
-                    RayCaster(
-                        sensor.directions(), [i for i, _ in seen], [p for _, p in seen]
-                    ),
-                    round(scenario.rates.control / sensor.frequency),
-                    sensor_channel(each.name, agent),
-                )
+        for name, (agent, sensor) in cameras_of(scenario).items():
+            body = bases[agent] + sensor.body_of(scenario.vehicles[agent])
+            seen = [row for row in every if sensor.sees_own_link or row[0] != body]
+            self._cameras[name] = _Camera(
+                sensor,
+                body,
+                RayCaster(
+                    sensor.directions(), [i for i, _ in seen], [p for _, p in seen]
+                ),
+                round(scenario.rates.control / sensor.frequency),
+                sensor_channel(name.rpartition(".")[2], agent),
+            )
         self.names = tuple(self._cameras)
 
-    def sensor(self, name: str) -> RaySensor:
-        """Camera or lidar by its name."""
-        return self._camera(name).sensor
+    @classmethod
+    def of_log(cls, log: Log) -> Eyes:
+        """Cameras of a flight from its log, whose laws need not be known any more.
+
+        Raises:
+            ValueError: one line: a log of one of several vehicles, which has not the
+                poses of all that is seen, or a scenario that cannot be restored.
+        """
+        if others := log.info.get("others"):
+            raise ScenarioError(
+                f"sensors: see {', '.join(others)}, too, whose poses are in the log of"
+                " the whole flight alone; take that log's frames"
+            )
+        return cls(drawn_scenario(log))
 
     def is_due(self, name: str, tick: int) -> bool:
         """True if a sensor takes a picture in a control period."""
@@ -232,7 +234,7 @@ class Eyes:
             )
         return self._cameras[name]
 
-    def frame(self, name: str, now: LoopState, time: float, tick: int) -> Frame:
+    def frame(self, name: str, now: LoopState, time: float, tick: int) -> RangeImage:
         """Picture from a state of the loop, before a control period.
 
         Args:
@@ -241,79 +243,68 @@ class Eyes:
             time: s.
             tick: number of the period, which numbers the picture's noise.
         """
-        seen = self._present(now, np.array([time]))
-        return next(self._frames(name, seen, [tick], [self._keys]))
+        times = np.array([time])
+        poses = self._present(now, times, self._scenario)
+        return next(self._frames(name, times, poses, [(tick, *self._keys)]))
 
-    def frames(self, name: str, log: Log) -> Iterator[Frame]:
+    def frames(self, name: str, log: Log) -> Iterator[RangeImage]:
         """Pictures of a flight from its log, one at a time, when the sensor is due."""
+        camera, changes = self._camera(name), stretches(self._scenario)
         ticks = np.rint(log.time * self._scenario.rates.control).astype(int)
-        due = np.flatnonzero(ticks % self._camera(name).every == 0)
+        due = np.flatnonzero(ticks % camera.every == 0)
+        if len(changes) > 1:
+            edges = np.searchsorted(ticks, [each.start for each in changes[1:]])
+            spans = pairwise([0, *edges, len(ticks)])
+            for each, (start, stop) in zip(changes, spans, strict=True):
+                # laws that change are not seen, and may not be known any more
+                flown = each.overrides.seen_of(self._scenario)
+                yield from Eyes(flown).frames(name, rows_of(log, slice(start, stop)))
+            return
         # in pieces, of which a long flight reads its file: memory does not grow
-        for rows in (due[i : i + AT_ONCE] for i in range(0, len(due), AT_ONCE)):
+        size = min(AT_ONCE, 1 + RAYS // math.prod(camera.sensor.shape))
+        for rows in (due[i : i + size] for i in range(0, len(due), size)):
             part = rows_of(log, slice(rows[0], rows[-1] + 1))
             some = rows - rows[0]
-            seen = _Instants(
-                part.time[some],
-                [
-                    np.hstack([each.position, each.quaternion, each.joints])[some]
-                    for each in part.agents.values()
-                ],
-                {each: part.component(each)[some] for each in CARRIED},
-            )
-            keys = [self._keys] * len(rows)
-            yield from self._frames(name, seen, ticks[rows].tolist(), keys)
+            vehicles = [
+                (each.position[some], each.quaternion[some], each.joints[some])
+                for each in part.agents.values()
+            ]
+            carried = {each: part.component(each)[some] for each in CARRIED}
+            times = part.time[some]
+            poses = self._poses(times, vehicles, carried, self._scenario)
+            keys = [(tick, *self._keys) for tick in ticks[rows].tolist()]
+            yield from self._frames(name, times, poses, keys)
 
     def depths(
-        self,
-        name: str,
-        loop_leaves: Array,
-        time: ArrayLike,
-        tick: ArrayLike,
-        episodes: ArrayLike | None = None,
-    ) -> Array:
-        """Depths (lanes, rows, columns) of many flights at once.
-
-        Args:
-            name: name of the sensor.
-            loop_leaves: (leaves, lanes) of the loops' states.
-            time: s, one or (lanes,).
-            tick: number of the control period, one or (lanes,).
-            episodes: (lanes,) keys of the noise; the scenario's if left out.
-        """
-        seed, episode = self._keys
-        keys = seed, episode if episodes is None else episodes
-        now = rebuild(self._structure, iter(loop_leaves))
-        times = np.broadcast_to(time, loop_leaves.shape[1])
-        return self.lane_depths(name, now, times, tick, keys=keys)
-
-    def lane_depths(
         self,
         name: str,
         now: LoopState,
         times: Array,
         tick: ArrayLike,
-        *,
         keys: Sequence[ArrayLike] = (),
         numbers: Mapping[str, Array] = MappingProxyType({}),
     ) -> Array:
-        """Depths (lanes, rows, columns) of flights that differ in numbers and keys.
+        """Depths (lanes, rows, columns) of many flights at once, which may differ in
+        numbers and keys.
 
         Args:
             name: name of the sensor.
             now: state of the loop, its scalars (lanes,).
             times: (lanes,) s.
             tick: number of the control period, one or (lanes,).
-            keys: seed and episode of the noise; the scenario's if left out.
+            keys: seed and episode of the noise, one or (lanes,); the scenario's if left
+                out.
             numbers: path -> (lanes,) numbers of the scenario, of which positions of
-                surfaces count.
+                surfaces and centres of mass count.
         """
-        ticks, *own = (
+        own = (
             np.broadcast_to(each, len(times)).astype(int).tolist()
             for each in (tick, *(keys or self._keys))
         )
-        seen, pairs = self._present(now, times), zip(*own, strict=True)
-        varied = with_numbers(self._scenario, numbers) if numbers else None
-        frames = self._frames(name, seen, ticks, pairs, varied)
+        flown = self._scenario
+        varied = with_numbers(flown, numbers) if numbers else flown
+        poses = self._present(now, times, varied)
+        frames = self._frames(name, times, poses, zip(*own, strict=True))
         return np.stack([each.depth for each in frames])
 
     @property
@@ -321,19 +312,16 @@ class Eyes:
         """Keys of the scenario's noise."""
         return self._scenario.seed, self._scenario.episode
 
-    @cached_property
-    def _structure(self) -> LoopState:
-        return structure_of(first_loop_state(self._scenario))
-
-    def _present(self, now: LoopState, times: Array) -> _Instants:
+    def _present(self, now: LoopState, times: Array, varied: Scenario) -> Poses:
         """Poses in a state of the loop, whose numbers are floats or arrays."""
         count = len(times)
         vehicles = [
-            stack_values(count, (*s.position, *s.quaternion, *s.joints)).T
+            [stack_values(count, x).T for x in (s.position, s.quaternion, s.joints)]
             for s in (each.state for each in now.agents)
         ]
         carried = dict[str, Array]()
-        for contact in self._scenario.worlds:
+        # a state has centres of mass, which may vary
+        for contact in varied.worlds:
             # the contact model is the last of the shared ones
             memory = cast("ContactMemory", now.components[-1])
             pairs = zip(contact.carriers, memory.carried, strict=True)
@@ -341,41 +329,49 @@ class Eyes:
             columns = cast("Any", contact.carriers)
             for name, values in by_array(columns, numbers).items():
                 carried[name] = stack_values(count, values).T
-        return _Instants(times, vehicles, carried)
+        return self._poses(times, vehicles, carried, varied)
 
-    def _poses(self, seen: _Instants, varied: Scenario) -> tuple[Array, Array]:
-        """Rotations (N, bodies, 3, 3) to world axes and positions (N, bodies, 3) of all
-        bodies.
+    def _poses(
+        self,
+        times: Array,
+        vehicles: Sequence[Sequence[Array]],
+        carried: Mapping[str, Array],
+        varied: Scenario,
+    ) -> Poses:
+        """Poses of all bodies.
+
+        Args:
+            times: (N,) s.
+            vehicles: position (N, 3), quaternion (N, 4) and joints (N, n) of each.
+            carried: arrays of ``CARRIED``, of N rows.
+            varied: the scenario, with numbers or arrays (N,).
         """
-        count = len(seen.times)
+        count = len(times)
         upright = np.tile(np.eye(3), (count, 1, 1))
         poses = list[tuple[Array, Array]]()
         for contact, moved in zip(self._scenario.worlds, varied.worlds, strict=True):
             for each, placed in zip(contact.surfaces, moved.surfaces, strict=True):
-                away = placed.place(seen.times)[0] - each.position
+                away = placed.place(times)[0] - each.position
                 poses.append((upright, vectors(away, count)))
             poses += carrier_poses(
-                contact.objects, contact.mechanisms, seen.carried, count
+                contact.objects, contact.mechanisms, carried, count
             ).values()
-        vehicles = self._scenario.vehicles.values()
-        for vehicle, own in zip(vehicles, seen.vehicles, strict=True):
-            parts = np.split(own, [3, 7], axis=1)
-            # of one instant ten times as fast
-            alone = count == 1 and place(vehicle, *(each[0] for each in parts)).poses
-            poses += (alone or body_poses(vehicle, *parts)).values()
+        records = self._scenario.vehicles.values()
+        for vehicle, own in zip(records, vehicles, strict=True):
+            poses += body_poses(vehicle, *own).values()
         rotations, positions = zip(*poses, strict=True)
         return np.stack(rotations, 1), np.stack(positions, 1)
 
     def _frames(
         self,
         name: str,
-        seen: _Instants,
-        ticks: Sequence[int],
-        keys: Iterable[tuple[int, int]],
-        varied: Scenario | None = None,
-    ) -> Iterator[Frame]:
+        times: Array,
+        poses: Poses,
+        keys: Iterable[Sequence[int]],
+    ) -> Iterator[RangeImage]:
+        """Pictures at some times (N,), s, from period, seed and episode of each."""
         camera = self._camera(name)
-        R_WB, p_WB = self._poses(seen, varied or self._scenario)
+        R_WB, p_WB = poses
         R_WL, p_WL = R_WB[:, camera.body], p_WB[:, camera.body]
         R_WO = R_WL @ matrices(camera.sensor.rotation, 1)
         p_WO = p_WL + R_WL @ float_array(camera.sensor.position)
@@ -384,9 +380,9 @@ class Eyes:
         eyes = (R_BW @ (p_WO[:, None] - p_WB)[..., None])[..., 0]
         distances, numbers = camera.caster.cast(rotations, eyes)
         quaternions = quaternions_of(R_WO)
-        for i, (tick, key) in enumerate(zip(ticks, keys, strict=True)):
-            yield Frame(
-                time=float(seen.times[i]),
+        for i, (tick, seed, episode) in enumerate(keys):
+            yield RangeImage(
+                time=float(times[i]),
                 sensor=name,
                 names=self.bodies,
                 position=p_WO[i],
@@ -395,6 +391,6 @@ class Eyes:
                 number=numbers[i],
                 rotations=rotations[i],
                 eyes=eyes[i],
-                keys=(*key, camera.channel, tick // camera.every),
+                keys=(seed, episode, camera.channel, tick // camera.every),
                 camera=camera,
             )

@@ -20,7 +20,6 @@ from skyarm.sensing.estimate.estimator import FULL_STATE
 from skyarm.sensing.measurement import blank_measurement
 from skyarm.sensing.sensor import NO_PUSH
 from skyarm.simulate.draws import start_draws
-from skyarm.simulate.images import blank_images, sensors_seen
 from skyarm.simulate.loop_state import (
     AgentLoop,
     LoopState,
@@ -28,6 +27,7 @@ from skyarm.simulate.loop_state import (
     SensorState,
     structure_of,
 )
+from skyarm.simulate.pictures import blank_images, sensors_seen
 from skyarm.simulate.reference_clock import Waits
 from skyarm.simulate.stages import Stages
 

@@ -21,7 +21,7 @@ from skyarm.simulate.stages import Stages
 from skyarm.world import WindSample
 
 if TYPE_CHECKING:
-    from skyarm.simulate.eyes import Eyes, Frame
+    from skyarm.simulate.eyes import Eyes, RangeImage
 
 
 class FlightInstant:
@@ -92,7 +92,7 @@ class FlightInstant:
         self._require_running()
         return self._engine.reference()
 
-    def frame(self, sensor: str) -> Frame:
+    def frame(self, sensor: str) -> RangeImage:
         """Picture of a camera or lidar from the present state.
 
         Args:

@@ -8,7 +8,7 @@ of its state, which no control period changes.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from math import prod
 from typing import Any
 
@@ -16,14 +16,44 @@ import numpy as np
 
 from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.leaves import leaves, rebuild
-from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.images import cameras_of
+from skyarm.scenario.scenario_record import Scenario, cameras_of
+from skyarm.sensing.measurement import Image
 from skyarm.simulate.loop_state import LoopState
 
-Present = Callable[[AnyArray], tuple[LoopState, dict[str, Any]]]
+Images = tuple[Image, ...]
+
+Present = tuple[LoopState, Sequence[Any], Mapping[str, Array]]
+"""State of the loops of some flights, and their keys and numbers (``Eyes.depths``)."""
 
 NEVER = sys.maxsize
 """Number of a control period that never comes."""
+
+
+def sensors_seen(scenario: Scenario) -> tuple[str, ...]:
+    """Names of the sensors whose pictures the law or an ending of one vehicle sees."""
+    endings = (name for ending in scenario.endings for name in ending.sees)
+    return tuple(dict.fromkeys((*scenario.agent.controller.sees, *endings)))
+
+
+def images_of(names: Iterable[str], images: Images) -> Images:
+    """Pictures of some sensors, in their order."""
+    return tuple(each for name in names for each in images if each.sensor == name)
+
+
+def blank_images(scenario: Scenario, names: Iterable[str]) -> Images:
+    """Example of the pictures of some sensors of one vehicle: 1 m everywhere."""
+    cameras = scenario.agent.cameras
+    shapes = {name: cameras[name].shape for name in names}
+    return tuple(
+        Image(
+            time=0.0,
+            depth=(1.0,) * (rows * columns),
+            rows=rows,
+            columns=columns,
+            sensor=name,
+        )
+        for name, (rows, columns) in shapes.items()
+    )
 
 
 class ArrivingPictures:
@@ -31,7 +61,7 @@ class ArrivingPictures:
 
     Args:
         scenario: scenario of the flights.
-        names: names of the cameras (:func:`skyarm.simulate.images.cameras_of`).
+        names: names of the cameras, as of ``cameras_of``.
         lanes: number of flights.
 
     Attributes:
@@ -47,7 +77,7 @@ class ArrivingPictures:
         self.taken = dict[str, Array]()
         cameras, rate = cameras_of(scenario), scenario.rates.control
         for name in names:
-            sensor = cameras[name]
+            _, sensor = cameras[name]
             every, late = round(rate / sensor.frequency), round(sensor.latency * rate)
             self._clocks[name] = every, late
             size = -(-late // every) + 1, lanes, 1 + prod(sensor.shape)
@@ -67,7 +97,11 @@ class ArrivingPictures:
         )
 
     def look(
-        self, scenario: Scenario, ticks: AnyArray, lanes: AnyArray, present: Present
+        self,
+        scenario: Scenario,
+        ticks: AnyArray,
+        lanes: AnyArray,
+        present: Callable[[AnyArray], Present],
     ) -> Iterator[Array]:
         """Take the pictures of this instant; give time and depths (m, 1 + pixels) of
         the newest that has arrived, of each camera.
@@ -76,8 +110,7 @@ class ArrivingPictures:
             scenario: scenario that flies now.
             ticks: (m,) numbers of the control periods.
             lanes: (m,) numbers of the flights.
-            present: function from numbers of flights to the state of their loops, and
-                to their numbers and keys (``Eyes.lane_depths``).
+            present: function of numbers of flights.
         """
         # most flights see nothing, so the module is loaded by those that do
         from skyarm.simulate.eyes import Eyes
@@ -90,10 +123,10 @@ class ArrivingPictures:
             fresh = np.isnan(taken[0, lanes, 0])
             due = fresh | (ticks % every == 0)
             if due.any():
-                now, own = present(lanes[due])
+                now, keys, numbers = present(lanes[due])
                 counts = ticks[due]
                 times = counts / scenario.rates.control
-                depths = self._eyes.lane_depths(name, now, times, counts, **own)
+                depths = self._eyes.depths(name, now, times, counts, keys, numbers)
                 rows = np.hstack([times[:, None], depths.reshape(len(times), -1)])
                 taken[:, lanes[fresh]] = rows[fresh[due]]
                 taken[counts // every % len(taken), lanes[due]] = rows
@@ -131,7 +164,7 @@ class FlightPictures(ArrivingPictures):
                 scenario,
                 np.array([tick]),
                 np.zeros(1, int),
-                lambda _: (rebuild(self._example, iter(carry[:, None])), {}),
+                lambda _: (rebuild(self._example, iter(carry[:, None])), (), {}),
             )
             for place, row in zip(self._places.values(), newest, strict=True):
                 carry[place] = row[0]

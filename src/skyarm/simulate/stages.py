@@ -55,7 +55,6 @@ from skyarm.simulate.command_delay import (
     rotor_and_joint_delays,
 )
 from skyarm.simulate.draws import draw_plan
-from skyarm.simulate.images import images_of
 from skyarm.simulate.loop_state import (
     AgentLoop,
     GivenRows,
@@ -63,6 +62,7 @@ from skyarm.simulate.loop_state import (
     LoopState,
     SensorState,
 )
+from skyarm.simulate.pictures import images_of
 from skyarm.simulate.reference_clock import Waits, due
 from skyarm.vehicle import BASE, Body, Frame, Vehicle
 from skyarm.world import Component, Wrench, effectiveness_at

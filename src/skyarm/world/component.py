@@ -73,6 +73,7 @@ class Wrench:
         if not (
             type(self.force_W) is type(self.torque_W) is type(self.point) is Vec3
             and type(self.body) is int
+            and type(self.acts) in (int, float)
             and type(self.agent) is str
         ):
             accept_fields(self, "wrench")

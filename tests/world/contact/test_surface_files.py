@@ -362,6 +362,16 @@ def test_a_heightfield_flies_on_the_plant_that_knows_it(tmp_path):
     assert restore(plain(scenario)) == scenario
 
 
+def test_a_camera_beside_a_heightfield_is_refused(tmp_path):
+    path = world(tmp_path, name="r", file="room.xml")
+    (tmp_path / "room.xml").write_text(RELIEF)
+    flies = '[plant]\nkind = "mujoco"\ncontact = "geoms"\n'
+    camera = '[sensors.eye]\nkind = "depth_camera"\nposition = [0.1, 0.0, 0.1]\n'
+    path.write_text(path.read_text().replace("[plant]\n", flies) + camera)
+    words = "sensors.eye: sees no heightfield, must be left out beside"
+    refused(skyarm("check", str(path)), words, "world.surfaces[r/hill]")
+
+
 def test_what_is_no_list_of_bodies_is_refused(tmp_path):
     path = world(tmp_path, name="r", file="room.xml")
     path.write_text(path.read_text().replace("[[world.bodies]]", "[world.bodies]"))

@@ -20,7 +20,6 @@ import warnings
 from collections.abc import Callable, Mapping
 from functools import partial
 from types import TracebackType
-from typing import Any
 
 import numpy as np
 
@@ -40,14 +39,8 @@ from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import names_of
 from skyarm.log.ros.message_bytes import MessageError, decode, encode
 from skyarm.log.ros.messages import DEFINITIONS, FLIGHT
-from skyarm.log.ros.scene import LogSection
-from skyarm.log.ros.topics import (
-    FlightTopics,
-    Topic,
-    every_of,
-    namespace_of,
-    topics_of_all,
-)
+from skyarm.log.ros.scene import LogSection, Topic
+from skyarm.log.ros.topics import FlightTopics, every_of, namespace_of, topics_of_all
 from skyarm.log.sensor_data import COMPONENTS
 from skyarm.log.team_log import WITHIN
 from skyarm.records.arrays import Array
@@ -163,7 +156,7 @@ class RosLink:
             }
             self._topics = (*of_log, *topics_of_all(own))
             self._pictures = topics.pictures
-            self._seen: list[tuple[int, Any, bytes]] = []
+            self._seen: list[tuple[int, Topic, bytes]] = []
             pictures = (topic for each in self._pictures for topic in each.topics)
             # a message that is sent once waits for those who come later
             for topic in (*self._topics, *pictures):

@@ -15,8 +15,8 @@ from skyarm.log.contents import log_info
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.formats import log_from_npz, npz_content
 from skyarm.log.ros.messages import definition, full_name
-from skyarm.log.ros.pictures import PictureTopic
-from skyarm.log.ros.topics import FlightTopics, Topic
+from skyarm.log.ros.scene import Topic
+from skyarm.log.ros.topics import FlightTopics
 from skyarm.records.files import needs_extra, shown, versions
 from skyarm.records.files.writing import writing_atomically
 
@@ -121,9 +121,7 @@ def read_mcap(path: Path) -> Log:
     return log_from_npz(flight, name)
 
 
-def _messages(
-    topics: FlightTopics, log: Log
-) -> Iterator[tuple[int, Topic | PictureTopic, bytes]]:
+def _messages(topics: FlightTopics, log: Log) -> Iterator[tuple[int, Topic, bytes]]:
     """Yield time (ns), topic and bytes of every ROS message of a log, ordered by
     time.
     """

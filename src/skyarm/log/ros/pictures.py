@@ -18,11 +18,10 @@ from skyarm.log.flown_scenario import restore_written, written_scenario
 from skyarm.log.log_columns import word
 from skyarm.log.ros.message_bytes import Values, encode
 from skyarm.log.ros.messages import DEFINITIONS
-from skyarm.log.ros.scene import WORLD, nanoseconds, quaternion, xyz
+from skyarm.log.ros.scene import WORLD, Topic, nanoseconds, quaternion, xyz
 from skyarm.records.arrays import AnyArray
 from skyarm.records.files import shipped_tables
 from skyarm.records.files.names import distinct
-from skyarm.records.immutable import positional
 from skyarm.sensing.cameras.camera_kinds import RaySensor
 
 IMAGE, LABELS, CLOUD, POSE = (
@@ -43,20 +42,6 @@ MOST_BYTES = 255
 the last."""
 
 
-@positional
-class PictureTopic:
-    """ROS topic of a camera or lidar.
-
-    Attributes:
-        name, kind: name of the topic, and type of its messages.
-        every: 0 for one message, with the first picture.
-    """
-
-    name: str
-    kind: str
-    every: int
-
-
 class PictureTopics:
     """ROS topics of one camera or lidar.
 
@@ -69,7 +54,6 @@ class PictureTopics:
 
     Attributes:
         topics: the topics; the first is that of the picture.
-        fields: fields of their messages, in order.
     """
 
     def __init__(
@@ -78,32 +62,30 @@ class PictureTopics:
         self.name, self.sensor = name, sensor
         self._frame = f"{within}{called}{OPTICAL}".removeprefix("/")
         self._epoch, self._begun = epoch, False
-        self.fields = FLAT if sensor.intrinsics() else ROUND
-        self.topics: list[Any] = [
-            PictureTopic(f"{within}sensors/{called}/{last}", kind, int(kind != LABELS))
-            for last, (kind, _) in self.fields.items()
+        fields = FLAT if sensor.intrinsics() else ROUND
+        self.topics = [
+            Topic(f"{within}sensors/{called}/{last}", kind, int(kind != LABELS), values)
+            for last, (kind, values) in fields.items()
         ]
 
-    def messages(self, seen: Any) -> Iterator[tuple[int, PictureTopic, bytes]]:
+    def messages(self, seen: Any) -> Iterator[tuple[int, Topic, bytes]]:
         """Yield time of arrival (ns), topic and bytes of each message of a picture.
 
         Args:
-            seen: picture, a :class:`skyarm.simulate.eyes.Frame`.
+            seen: picture, a :class:`skyarm.simulate.eyes.RangeImage`.
         """
         stamp = nanoseconds(np.array(seen.time)) + self._epoch
         late = nanoseconds(np.array(self.sensor.latency))
-        for topic, (kind, values) in zip(
-            self.topics, self.fields.values(), strict=True
-        ):
+        for topic in self.topics:
             if topic.every or not self._begun:
-                frame = WORLD if kind == POSE else self._frame
+                frame = WORLD if topic.kind == POSE else self._frame
                 header: Values = {"stamp": stamp, "frame_id": frame}
-                fields = {"header": header, **values(seen, self.sensor)}
-                (data,) = encode(kind, DEFINITIONS, fields, 1)
+                fields = {"header": header, **topic.values(seen)}
+                (data,) = encode(topic.kind, DEFINITIONS, fields, 1)
                 yield int(stamp + late), topic, data.tobytes()
         self._begun = True
 
-    def of_log(self, log: Log) -> Iterator[tuple[int, PictureTopic, bytes]]:
+    def of_log(self, log: Log) -> Iterator[tuple[int, Topic, bytes]]:
         """Yield the messages of all pictures that arrive within a flight, one picture
         at a time.
         """
@@ -116,9 +98,15 @@ def cameras_of(log: Log) -> dict[str, Any]:
     """Named cameras and lidars of a vehicle from its log, by their words in names of
     topics.
     """
-    written = written_scenario(log.info).get("agent", {}).get("sensors")
-    sensors = restore_written(log.info, written) or ()
-    cameras = [each for each in sensors if each.sensor.sees]
+    agent = written_scenario(log.info).get("agent")
+    # a damaged file may have anything in their places
+    written = agent.get("sensors") if isinstance(agent, dict) else None
+    sensors = restore_written(log.info, written) if written else ()
+    cameras = [
+        each
+        for each in (sensors if isinstance(sensors, (tuple, list)) else ())
+        if getattr(getattr(each, "sensor", None), "sees", False)
+    ]
     words = distinct([word(each.name) for each in cameras])
     return dict(zip(words, cameras, strict=True))
 
@@ -148,11 +136,11 @@ OPTICAL = "_optical_frame"
 """End of the names of optical frames."""
 
 
-def _depth(seen: Any, _: Any) -> Values:
+def _depth(seen: Any) -> Values:
     return {"encoding": "32FC1", **_pixels(seen.depth.astype("<f4"))}
 
 
-def _segmentation(seen: Any, _: Any) -> Values:
+def _segmentation(seen: Any) -> Values:
     size = 1 if len(seen.names) <= MOST_BYTES else 2
     return {
         "encoding": f"{8 * size}UC1",
@@ -160,12 +148,13 @@ def _segmentation(seen: Any, _: Any) -> Values:
     }
 
 
-def _labels(seen: Any, _: Any) -> Values:
+def _labels(seen: Any) -> Values:
     names = enumerate(seen.names)
     return {"class_map": [{"class_id": i, "class_name": name} for i, name in names]}
 
 
-def _intrinsics(_: Any, sensor: Any) -> Values:
+def _intrinsics(seen: Any) -> Values:
+    sensor = seen.camera.sensor
     fx, fy, cx, cy = sensor.intrinsics()
     height, width = sensor.shape
     K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
@@ -180,7 +169,7 @@ def _intrinsics(_: Any, sensor: Any) -> Values:
     }
 
 
-def _cloud(seen: Any, _: Any) -> Values:
+def _cloud(seen: Any) -> Values:
     points = np.empty(seen.depth.shape, POINT)
     points["xyz"], points["segment"] = seen.points(), seen.segment
     return {
@@ -191,7 +180,7 @@ def _cloud(seen: Any, _: Any) -> Values:
     }
 
 
-def _pose(seen: Any, _: Any) -> Values:
+def _pose(seen: Any) -> Values:
     at, turn = xyz(seen.position), quaternion(seen.quaternion)
     return {"pose": {"position": at, "orientation": turn}}
 
@@ -209,7 +198,7 @@ def _pixels(numbers: AnyArray) -> Values:
     }
 
 
-Fields = Mapping[str, tuple[str, Callable[[Any, Any], Values]]]
+Fields = Mapping[str, tuple[str, Callable[[Any], Values]]]
 """Last word of a topic -> type of its messages, and their fields of a picture, apart
 from the header."""
 

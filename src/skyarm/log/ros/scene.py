@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Protocol
+from collections.abc import Callable, Iterable
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from skyarm.dynamics.kinematics import every_joint, joint_placement
 from skyarm.log.ros.message_bytes import NANO, Values
 from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files.names import distinct
+from skyarm.records.immutable import positional
 from skyarm.vehicle import BASE, Vehicle
 from skyarm.vehicle.description import turn_onto
 from skyarm.world.scene.vehicle_shapes import matrices, quaternions_of, vehicle_shapes
@@ -65,6 +66,26 @@ class LogSection:
             else nanoseconds(np.nan_to_num(time)) + self._epoch
         )
         return {"stamp": stamps, "frame_id": frame}
+
+
+@positional
+class Topic:
+    """ROS topic of a log, or of a camera or lidar: name, message type, rate, and the
+    function that fills the messages.
+
+    Attributes:
+        name, kind: name of the topic, and type of its messages.
+        every: control instants, or pictures, from one message to the next; 0 for one
+            message at the beginning.
+        values: part of a log, or picture -> fields of its messages.
+        offset: instant of the first message, below ``every``.
+    """
+
+    name: str
+    kind: str
+    every: int
+    values: Callable[[Any], Values]
+    offset: int = 0
 
 
 def nanoseconds(time: Array) -> IntArray:

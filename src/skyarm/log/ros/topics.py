@@ -28,6 +28,7 @@ from skyarm.log.ros.scene import (
     WORLD,
     Frames,
     LogSection,
+    Topic,
     markers,
     quaternion,
     transform,
@@ -38,7 +39,6 @@ from skyarm.log.team_log import SHARED, WITHIN
 from skyarm.log.tip_positions import yaw_quaternion
 from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files.names import distinct
-from skyarm.records.immutable import positional
 from skyarm.vehicle import Vehicle
 from skyarm.world.scene.vehicle_shapes import matrices, quaternions_of
 
@@ -61,26 +61,6 @@ vehicles."""
 FRAMES, STAMPED = ("frame_id", "child_frame_id"), ("transforms", "markers")
 """Fields of a message with the name of a frame, and those with lists of messages that
 have a header."""
-
-
-@positional
-class Topic:
-    """ROS topic of a log: name, message type, rate, and the function that fills the
-    messages.
-
-    Attributes:
-        name, kind: name of the topic, and type of its messages.
-        every: control instants from one message to the next; 0 for one message at the
-            beginning.
-        values: part of a log -> fields of its messages.
-        offset: instant of the first message, below ``every``.
-    """
-
-    name: str
-    kind: str
-    every: int
-    values: Callable[[LogSection], Values]
-    offset: int = 0
 
 
 class FlightTopics:

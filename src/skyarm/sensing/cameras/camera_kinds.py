@@ -22,14 +22,14 @@ from skyarm.records import coerce
 from skyarm.records.arrays import Array
 from skyarm.records.coerce import RecordError, refuse
 from skyarm.records.field_rules import accept_fields, checked
-from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.files import shown
 from skyarm.records.immutable import UNWRITTEN, immutable
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.sensing.sensor import Sensor
 from skyarm.sensing.sensor_kinds import mount_rotation
-from skyarm.vehicle import BASE, Vehicle
+from skyarm.vehicle import Vehicle
 from skyarm.vehicle.check import FARTHEST
-from skyarm.world.contact.contact_point import BASE_NAME
+from skyarm.world.contact.contact_point import BASE_NAME, body_index
 
 OPTICAL = Mat3.from_numbers(((0, 0, 1), (-1, 0, 0), (0, -1, 0)))
 """Rotation from optical axes to those of the mount."""
@@ -41,11 +41,6 @@ WIDEST = 3.0
 """Largest field of view (rad) of a camera; the picture of half a turn has no end."""
 
 Range = tuple[float, float]
-
-
-def body_names(vehicle: Vehicle) -> list[str]:
-    """Names of a vehicle's bodies: base, then the links."""
-    return [BASE_NAME, *(each.name for each in vehicle.moving)]
 
 
 @immutable
@@ -115,7 +110,9 @@ class RaySensor(Sensor):
     farthest: Annotated[
         float, positive("m", "largest range; what is farther reads inf", fixed=True)
     ] = 10.0
-    noise: DepthNoise = DepthNoise()
+    noise: Annotated[
+        DepthNoise, Unit("", "white noise of the depth, by its quadratic")
+    ] = DepthNoise()
     grazing: Annotated[
         float,
         nonnegative(
@@ -167,10 +164,7 @@ class RaySensor(Sensor):
         Raises:
             RecordError: the vehicle has no such link.
         """
-        names = body_names(vehicle)
-        if self.link not in names:
-            refuse("link", self.link, must_be_one_of(names, self.link))
-        return names.index(self.link) + BASE
+        return body_index(vehicle, "link", self.link)
 
     @property
     def rotation(self) -> Mat3:

@@ -17,10 +17,11 @@ from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
 from skyarm.reference.tip_motion import TipPush
+from skyarm.scenario.scenario_record import cameras_of
+from skyarm.simulate.drawn_scenario import drawn_scenario
 from skyarm.view.figures.flight_facts import (
     applied_force,
     desired_push,
-    drawn_scenario,
     end_time,
     flight_labels,
     vehicle_logs,
@@ -169,10 +170,11 @@ def _with_scenes(team: Sequence[FilmedFlight], log: Log) -> Iterator[FilmedFligh
         return _scene(log.agents[name], models, replace(agents[name], agents=agents))
 
     for each, scene in zip(agents.values(), scenes_of(agents, draw), strict=True):
-        own = f"{each.name}." if len(agents) > 1 else ""
-        named: Any = scenario.agents[each.name].cameras
-        cameras = {own + one.name: one.sensor for one in named}
-        flat = {name: one for name, one in cameras.items() if one.intrinsics()}
+        flat = {
+            name: sensor
+            for name, (agent, sensor) in cameras_of(scenario).items()
+            if agent == each.name and sensor.intrinsics()
+        }
         yield replace(each, scene=scene, cameras=flat)
 
 

@@ -7,14 +7,14 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.dynamics import State
 from skyarm.records.arrays import Array, float_array, lengths
-from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.scenario_record import Scenario, cameras_of
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.session import Session
 from skyarm.vehicle import Vehicle
@@ -277,25 +277,22 @@ class SightNodes:
         self, scene: SceneApi, scenario: Scenario, roots: Mapping[str, str]
     ) -> None:
         self._rows: list[tuple[str, int, CameraNode]] = []
-        for agent, root in roots.items():
-            record = scenario.agents[agent]
-            for each in record.cameras:
-                sensor: Any = each.sensor
-                (height, width), found = sensor.shape, sensor.intrinsics()
-                if found is None:
-                    continue
-                node = scene.add_camera_frustum(
-                    f"{root}/{sensor.body_of(record.vehicle)}/{each.name}",
-                    2.0 * math.atan2(0.5 * height, found[1]),
-                    width / height,
-                    scale=FRUSTUM,
-                    thickness=THIN,
-                    position=floats(sensor.position),
-                    wxyz=quaternions_of(matrices(sensor.rotation, 1))[0],
-                )
-                name = f"{agent}.{each.name}" if len(roots) > 1 else each.name
-                every = SLOW * (1 + height * width // QUICK)
-                self._rows.append((name, every, node))
+        for name, (agent, sensor) in cameras_of(scenario).items():
+            (height, width), found = sensor.shape, sensor.intrinsics()
+            if found is None:
+                continue
+            body = sensor.body_of(scenario.vehicles[agent])
+            node = scene.add_camera_frustum(
+                f"{roots[agent]}/{body}/{name}",
+                2.0 * math.atan2(0.5 * height, found[1]),
+                width / height,
+                scale=FRUSTUM,
+                thickness=THIN,
+                position=floats(sensor.position),
+                wxyz=quaternions_of(matrices(sensor.rotation, 1))[0],
+            )
+            every = SLOW * (1 + height * width // QUICK)
+            self._rows.append((name, every, node))
 
     def draw(self, session: Session, frame: int) -> None:
         """Show what the cameras see now, seldom if they have many pixels."""

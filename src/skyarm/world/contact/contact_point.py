@@ -11,7 +11,7 @@ from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import maximum, sqrt
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records import coerce
-from skyarm.records.coerce import RecordError, absent, concrete, fold_zeros
+from skyarm.records.coerce import RecordError, absent, concrete, fold_zeros, refuse
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import field_if_any, immutable
@@ -21,6 +21,23 @@ from skyarm.world.component import Wrench
 from skyarm.world.contact.material import Material
 
 BASE_NAME = "base"
+
+
+def body_names(vehicle: Vehicle) -> list[str]:
+    """Names of a vehicle's bodies: base, then the links."""
+    return [BASE_NAME, *(link.name for link in vehicle.moving)]
+
+
+def body_index(vehicle: Vehicle, field: str, name: str) -> int:
+    """Index of the vehicle's body that a field names: BASE, or that of a link.
+
+    Raises:
+        RecordError: the vehicle has no such body.
+    """
+    names = body_names(vehicle)
+    if name not in names:
+        refuse(field, name, must_be_one_of(names, name))
+    return names.index(name) + BASE
 
 
 MOST = 64
@@ -121,15 +138,7 @@ class ContactPoint:
             if concrete(*self.position) and not any(self.position):
                 return frame.position, frame.link
             return frame.position + frame.rotation.apply(self.position), frame.link
-        if self.body == BASE_NAME:
-            return self.position, BASE
-        names = [link.name for link in vehicle.moving]
-        if self.body not in names:
-            raise RecordError(
-                f"body = {shown(self.body)}:"
-                f" {must_be_one_of([BASE_NAME, *names], self.body)}"
-            )
-        return self.position, names.index(self.body)
+        return self.position, body_index(vehicle, "body", self.body)
 
 
 @immutable

@@ -259,7 +259,7 @@ def meetings_of(
 
 
 @positional
-class _Pair:
+class _CandidatePair:
     """Object and surface that may touch, and the places at which they do.
 
     Attributes:
@@ -279,7 +279,7 @@ class _Pair:
 
 def _pairs(
     every: Sequence[tuple[int, Surface]], carriers: Sequence[AnyCarrier]
-) -> Iterator[_Pair]:
+) -> Iterator[_CandidatePair]:
     """Pairs of an object and a surface."""
     for by, carrier in enumerate(carriers):
         for of, surface in every:
@@ -293,7 +293,7 @@ def _pairs(
             # corners and balls of both would find the same place twice
             ball = "sphere" in (shape, surface.shape) and (twice or shape != "sphere")
             whole = solid and (ball or "capsule" in (shape, surface.shape))
-            yield _Pair(
+            yield _CandidatePair(
                 by,
                 of,
                 surface,

@@ -36,7 +36,7 @@ from skyarm.vehicle import BASE, Joint, Vehicle
 from skyarm.vehicle.description import rpy_of
 from skyarm.vehicle.vehicle_records import Collision
 from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame
-from skyarm.world.contact.contact_point import BASE_NAME, body_axes
+from skyarm.world.contact.contact_point import body_axes, body_names
 from skyarm.world.contact.grasp import Grasp
 from skyarm.world.contact.gripper import Gripper
 from skyarm.world.contact.material import LIGHTEST, RECOVERY, Material
@@ -175,7 +175,7 @@ def bodies_of(
     """
     found = []
     for agent, vehicle in vehicles.items():
-        names = [BASE_NAME, *(link.name for link in vehicle.moving)]
+        names = body_names(vehicle)
         parents = [-2, *(link.parent for link in vehicle.moving)]
         links = {each.name: each.link for each in vehicle.frames}
         shapes = vehicle.shapes
@@ -267,6 +267,7 @@ def bare(shape: Surface | Collision, material: Material) -> Surface:
         shape=shape.shape,
         size=shape.size,
         vertices=shape.vertices,
+        heights=getattr(shape, "heights", ()),
         faces=shape.faces,
         material=material,
     )

@@ -321,6 +321,9 @@ def body_poses(
     Returns:
         body (BASE or index of a link) -> (R_WB (N, 3, 3), p_WB (N, 3)).
     """
+    # ten times as fast
+    if len(position) == 1:
+        return place(vehicle, position[0], quaternion[0], joints[0]).poses
     columns = [*position.T, *quaternion.T, *joints.T]
     rows = evaluate(_program(vehicle), columns, len(position))[:-3].T.reshape(
         len(position), -1, 12
