@@ -78,7 +78,8 @@ class ContactSteps(TouchingBodies):
         bodies = bool(self.points or self.vehicle_bodies)
         touched = self.surfaces if bodies or not carriers else ()
         masses = [each.mass for each in self.vehicle_bodies]
-        mass = reduce(minimum, masses, LIGHTEST)
+        mass: Scalar = LIGHTEST
+        mass = reduce(minimum, masses, mass)
         own = [
             (f"the material of surface {each.name!r}", each.material.step_of(mass))
             for each in touched
