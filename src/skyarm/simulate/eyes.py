@@ -32,8 +32,8 @@ from skyarm.simulate.drawn_scenario import drawn_scenario
 from skyarm.simulate.draws import sensor_channel
 from skyarm.simulate.loop_state import LoopState
 from skyarm.vehicle import BASE
+from skyarm.vehicle.vehicle_records import body_names
 from skyarm.world.component import by_array
-from skyarm.world.contact.contact_point import body_names
 from skyarm.world.contact.contact_scene import carrier_poses
 from skyarm.world.contact.material import Material
 from skyarm.world.contact.shape_pairs import PlacedShape

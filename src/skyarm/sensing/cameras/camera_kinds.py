@@ -29,7 +29,7 @@ from skyarm.sensing.sensor import Sensor
 from skyarm.sensing.sensor_kinds import mount_rotation
 from skyarm.vehicle import Vehicle
 from skyarm.vehicle.check import FARTHEST
-from skyarm.world.contact.contact_point import BASE_NAME, body_index
+from skyarm.vehicle.vehicle_records import BASE_NAME, body_index
 
 OPTICAL = Mat3.from_numbers(((0, 0, 1), (-1, 0, 0), (0, -1, 0)))
 """Rotation from optical axes to those of the mount."""

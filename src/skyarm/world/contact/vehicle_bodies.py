@@ -34,9 +34,9 @@ from skyarm.records.immutable import UNWRITTEN, field_if_any, immutable, positio
 from skyarm.records.leaves import as_data
 from skyarm.vehicle import BASE, Joint, Vehicle
 from skyarm.vehicle.description import rpy_of
-from skyarm.vehicle.vehicle_records import Collision
+from skyarm.vehicle.vehicle_records import Collision, body_names
 from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame
-from skyarm.world.contact.contact_point import body_axes, body_names
+from skyarm.world.contact.contact_point import body_axes
 from skyarm.world.contact.grasp import Grasp
 from skyarm.world.contact.gripper import Gripper
 from skyarm.world.contact.material import LIGHTEST, RECOVERY, Material
