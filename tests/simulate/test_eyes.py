@@ -4,6 +4,7 @@ session and a batch, and no part of the flight.
 
 from __future__ import annotations
 
+import re
 import tomllib
 from dataclasses import replace
 from functools import cache
@@ -224,6 +225,7 @@ def test_a_lidar_measures_along_its_rays():
     R = Rotation.from_quat(np.roll(frame.quaternion, -1)).as_matrix()
     world = frame.position + frame.points() @ R.T
     np.testing.assert_allclose(world[wall][:, 0], 1.5, atol=1e-4)
+    np.testing.assert_allclose(frame.points(world=True), world, atol=1e-12)
     assert wall.sum() > 20
     np.testing.assert_allclose(
         np.linalg.norm(frame.points()[wall], axis=1), frame.depth[wall]
@@ -277,6 +279,18 @@ def test_an_unknown_sensor_is_refused_by_name():
         first(bare, "wrist")
 
 
+@pytest.mark.parametrize(
+    ("mount", "within"),
+    [
+        ({"position": [0.0, 0.0, -0.1], "sees_own_link": True}, "fore] of link2"),
+        ({"link": "base", "position": [0.0, 0.0, -0.1]}, "upper] of link1"),
+    ],
+)
+def test_a_camera_inside_a_shape_that_it_sees_is_refused(mount, within):
+    with pytest.raises(ScenarioError, match=re.escape(within)):
+        skyarm.run(scenario_with(wrist=mount))
+
+
 def test_members_of_a_team_see_each_other():
     tables = tomllib.loads(FILE.read_text("utf-8"))
     tables["duration"] = 0.1
@@ -298,3 +312,8 @@ def test_members_of_a_team_see_each_other():
     assert {"right.base", "wall"} <= seen
     here = frame.segment == frame.names.index("right.base")
     assert np.median(frame.depth[here]) == pytest.approx(0.84, abs=0.03)
+    log = skyarm.run(scenario)
+    assert len([*log.frames("left.front")]) == 2
+    # a member's log knows no poses of the others
+    with pytest.raises(ValueError, match=r"right, too: read log.frames\('left.front'"):
+        log.agents["left"].frames("front")

@@ -307,8 +307,15 @@ class Log:
             :class:`skyarm.simulate.eyes.RangeImage`.
 
         Raises:
-            ValueError: one line: no such sensor, or as :attr:`scenario`.
+            ValueError: one line: no such sensor, the log of one vehicle of several,
+                or as :attr:`scenario`.
         """
+        if others := self.info.get("others"):
+            (own,) = self.agents
+            raise ValueError(
+                f"log.agents[{own!r}].frames: must see {', '.join(others)}, too: read"
+                f" log.frames('{own}.{sensor}') of the whole flight"
+            )
         eyes = import_module(EYES).Eyes(self.scenario)
         frames: Iterator[Any] = eyes.frames(sensor, self)
         return frames

@@ -443,6 +443,8 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
         info["phases"] = [phase.name for phase in own.reference.phases]
     if waits:
         info["waits"] = waits
+    if scenario.others:
+        info["others"] = [*scenario.others]
     return info | {name: whole[name] for name in closing}
 
 
