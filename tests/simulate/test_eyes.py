@@ -312,8 +312,3 @@ def test_members_of_a_team_see_each_other():
     assert {"right.base", "wall"} <= seen
     here = frame.segment == frame.names.index("right.base")
     assert np.median(frame.depth[here]) == pytest.approx(0.84, abs=0.03)
-    log = skyarm.run(scenario)
-    assert len([*log.frames("left.front")]) == 2
-    # a member's log knows no poses of the others
-    with pytest.raises(ValueError, match=r"right, too: read log.frames\('left.front'"):
-        log.agents["left"].frames("front")
