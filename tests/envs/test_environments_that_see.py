@@ -17,6 +17,7 @@ from gymnasium.utils.env_checker import check_env
 from small_environments import one_program_a_task
 
 import skyarm
+from skyarm.algebra import Vec3
 from skyarm.envs import Depth, as_law
 from skyarm.envs.single_environment import Environment
 from skyarm.envs.vector_environment import VectorEnvironment
@@ -24,6 +25,7 @@ from skyarm.records.leaves import leaves
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate import eyes
+from skyarm.world.contact.free_object import FreeObject
 
 EVERY, LATE, RATE = 5, 7, 100
 
@@ -105,6 +107,52 @@ def test_every_lane_sees_what_a_session_sees(monkeypatch):
         np.testing.assert_array_equal(one["down"], seen["down"][1])
     # balls at other places, and noise of its own in each lane
     assert len({each.tobytes() for each in seen["down"]}) == 3
+
+
+def test_a_centre_of_mass_that_varies_moves_no_shape():
+    given = arguments()
+    ball = FreeObject(
+        name="ball",
+        mass=0.3,
+        shape="sphere",
+        size=(0.2,),
+        com=Vec3(0.0, 0.0, 0.02),
+        position=Vec3(0.0, 0.0, 0.6),
+    )
+    scenario = given["scenario"]
+    world = dataclasses.replace(scenario.world, objects=(ball,), surfaces=())
+    around = dataclasses.replace(scenario.environment, world=world)
+    given |= {
+        "scenario": dataclasses.replace(scenario, environment=around),
+        "randomise": {"world.objects.ball.com.z": {"uniform": [0.03, 0.05]}},
+        "derived": None,
+    }
+    envs = VectorEnvironment(2, **given)
+    seen, _ = envs.reset(seed=1)
+    for lane in range(2):
+        own = dataclasses.replace(envs.lanes.lane_scenario(lane), seed=1 + lane)
+        depth = skyarm.Session(own, machine_code=False).frame("down").depth
+        assert (depth < 1.0).any()
+        shares = np.clip(depth / 2.0, 0.0, 1.0)
+        np.testing.assert_allclose(seen["down"][lane, ..., 0], shares, atol=1e-12)
+
+
+def test_a_rotor_with_a_shield_stays_where_it_is_seen():
+    given = arguments(derived=None)
+    scenario = given["scenario"]
+    moved = "plant.vehicle.rotors.0.position.x"
+    vary = {"randomise": {moved: {"uniform": [0.16, 0.17]}}}
+    VectorEnvironment(1, **(given | vary))
+    vehicle = scenario.plant.vehicle
+    rotors = [dataclasses.replace(each, shield=(0.1, 0.05)) for each in vehicle.rotors]
+    vehicle = dataclasses.replace(vehicle, rotors=tuple(rotors))
+    plant = dataclasses.replace(scenario.agent.plant, vehicle=vehicle)
+    agent = dataclasses.replace(scenario.agent, plant=plant)
+    given["scenario"] = scenario.with_agent(agent)
+    shield = {"plant.vehicle.rotors.0.shield.0": {"uniform": [0.1, 0.11]}}
+    for each in (vary, {"randomise": shield}):
+        with pytest.raises(ScenarioError, match="must not vary where 'down'"):
+            VectorEnvironment(1, **(given | each))
 
 
 def test_the_space_is_a_table_of_numbers_and_pictures():

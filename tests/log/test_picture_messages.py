@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise, product
 from pathlib import Path
@@ -17,7 +18,7 @@ from scipy.interpolate import CubicSpline
 
 import skyarm
 from skyarm.links.ros import RosLink
-from skyarm.log.ros.pictures import FLAT, ROUND
+from skyarm.log.ros.pictures import FLAT, ROUND, cameras_of
 from skyarm.simulate.session import Session
 from support.peers import MemoryNode
 
@@ -251,6 +252,13 @@ def test_live_messages_are_those_of_the_file_to_the_byte(path):
     for topic in seen:
         # that of 0.1 s has not arrived yet
         assert node.sent[topic] == wanted[topic][:1], topic
+
+
+@pytest.mark.parametrize("agent", [[], {"sensors": 3}, {"sensors": ["eye"]}])
+def test_a_damaged_scenario_has_no_cameras(read, agent):
+    log, *_ = read
+    info = log.info | {"scenario_record": {"agents": {"vehicle": agent}}}
+    assert cameras_of(replace(log, info=info)) == {}
 
 
 def test_the_shipped_layout_names_topics_of_its_example():

@@ -21,6 +21,8 @@ from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference.signals import Ramp
 from skyarm.scenario.scenario_record import NamedSensor, ScenarioError
 from skyarm.sensing.cameras.camera_kinds import DepthCamera
+from skyarm.sensing.cameras.ray_casting import RayCaster
+from skyarm.simulate import eyes as eyes_module
 from skyarm.simulate.eyes import Eyes
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop_state import structure_of
@@ -173,6 +175,50 @@ def test_pictures_of_a_saved_log_are_the_same(tmp_path):
         same(one, other)
 
 
+def test_a_log_shows_the_world_as_it_changed_in_flight():
+    tables = tomllib.loads(FILE.read_text("utf-8")) | {"duration": 0.3}
+    tables["sensors"]["wrist"] |= RAYS
+    down = {"path": "world.surfaces.table.position.z", "value": 0.5}
+    tables["changes"] = [{"at": 0.15} | down]
+    session, seen = skyarm.Session(skyarm.scenario_from(tables, EXAMPLES)), []
+    while session.running:
+        if session.is_due("wrist"):
+            seen.append(session.frame("wrist"))
+        session.step()
+    assert np.median(seen[2].depth - seen[1].depth) == pytest.approx(0.1, abs=1e-3)
+    for one, other in zip(session.log.frames("wrist"), seen, strict=True):
+        same(one, other)
+
+
+def test_a_log_shows_pictures_also_if_its_law_is_unknown_by_now():
+    scenario, log = flown()
+    plain = scenario.agent.controller
+
+    def law(*given, par):
+        return plain.law(*given, par=par)
+
+    own = replace(plain, name="own", law=law, compiled=False)
+    other = skyarm.run(scenario.with_controller(own))
+    with pytest.raises(ValueError, match="made inside a function"):
+        _ = other.scenario
+    same(next(other.frames("wrist")), next(log.frames("wrist")))
+
+
+def test_large_pictures_of_a_log_are_met_one_by_one(monkeypatch):
+    _, log = flown()
+    monkeypatch.setattr(eyes_module, "RAYS", 3 * 16 * 12 - 1)
+    sizes, cast = list[int](), RayCaster.cast
+
+    def spy(caster, rotations, eyes):
+        sizes.append(len(eyes))
+        return cast(caster, rotations, eyes)
+
+    monkeypatch.setattr(RayCaster, "cast", spy)
+    frames = [*log.frames("wrist")]
+    assert max(sizes) == 3
+    assert sum(sizes) == len(frames)
+
+
 def test_a_flight_with_cameras_has_the_bits_of_the_flight_without():
     scenario, log = flown()
     bare = skyarm.run(scenario.with_agent(replace(scenario.agent, sensors=())))
@@ -312,3 +358,8 @@ def test_members_of_a_team_see_each_other():
     assert {"right.base", "wall"} <= seen
     here = frame.segment == frame.names.index("right.base")
     assert np.median(frame.depth[here]) == pytest.approx(0.84, abs=0.03)
+    log = skyarm.run(scenario)
+    same(next(log.frames("left.front")), frame)
+    # its log alone has not the other one's poses
+    with pytest.raises(ScenarioError, match="see right, too, whose poses are in"):
+        next(log.agents["left"].frames("front"))

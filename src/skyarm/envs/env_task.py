@@ -127,8 +127,12 @@ def make_task(
 
 SHAPING = re.compile(
     r"^world\.mechanisms|\.(size|angles|vertices|collisions|joint\.(position|axis))\b"
+    r"|\.shield\b"
 )
 """Paths of numbers that change what a camera sees, but for poses."""
+
+SHIELDED = re.compile(r"\.rotors\.[^.]+\.(position|axis)\b")
+"""Paths that also do where a rotor has a shield."""
 
 
 def _require_sensors(
@@ -144,7 +148,10 @@ def _require_sensors(
             allowed = f"a camera, each once, here of {', '.join(there) or 'none'}"
             raise ScenarioError(f"observation: sensor = {name!r}: must be {allowed}")
         free -= {name}
-        for path in filter(SHAPING.search, paths):
+        shields = flown.agent.vehicle.shields
+        for path in paths:
+            if not (SHAPING.search(path) or (shields and SHIELDED.search(path))):
+                continue
             raise ScenarioError(
                 f"randomise: path = {path!r}: must not vary where {name!r} is observed,"
                 " which sees the scenario's shapes; their positions may"

@@ -307,16 +307,10 @@ class Log:
             :class:`skyarm.simulate.eyes.RangeImage`.
 
         Raises:
-            ValueError: one line: no such sensor, the log of one vehicle of several,
-                or as :attr:`scenario`.
+            ValueError: one line: no such sensor, a log of one of several vehicles, or
+                as :attr:`scenario`; a law of its own may be unknown by now.
         """
-        if others := self.info.get("others"):
-            (own,) = self.agents
-            raise ValueError(
-                f"log.agents[{own!r}].frames: must see {', '.join(others)}, too: read"
-                f" log.frames('{own}.{sensor}') of the whole flight"
-            )
-        eyes = import_module(EYES).Eyes(self.scenario)
+        eyes = import_module(EYES).Eyes.of_log(self)
         frames: Iterator[Any] = eyes.frames(sensor, self)
         return frames
 

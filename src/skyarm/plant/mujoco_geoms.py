@@ -168,10 +168,12 @@ def _add_geom(spec: mujoco.MjSpec, body: str, shape: Surface | Collision) -> str
     name = f"geom {len(spec.geoms)}"
     if heights := getattr(shape, "heights", ()):
         grid = heights_of(heights)
-        x, y, *ends = map(float, shape.size)
+        x, y, height, base = map(float, shape.size)
+        # MuJoCo stretches whatever heights it gets from 0 to 1
+        low, rise = height * float(grid.min()), height * float(np.ptp(grid))
         field = spec.add_hfield(
             name=name,
-            size=[0.5 * x, 0.5 * y, *ends],
+            size=[0.5 * x, 0.5 * y, rise or height, base + low],
             nrow=grid.shape[0],
             ncol=grid.shape[1],
             userdata=grid.ravel(),
@@ -180,7 +182,7 @@ def _add_geom(spec: mujoco.MjSpec, body: str, shape: Surface | Collision) -> str
             name=name,
             type=mujoco.mjtGeom.mjGEOM_HFIELD,
             hfieldname=field.name,
-            pos=float_array(shape.position),
+            pos=float_array(shape.position + shape.rotation.column(2) * low),
             quat=quaternion_of(shape.rotation),
             contype=0,
             conaffinity=0,

@@ -240,6 +240,18 @@ class Overrides:
         """Scenario with all overrides applied and without scheduled changes."""
         return with_numbers(self.parts_of(scenario), dict(self.numbers))
 
+    def seen_of(self, scenario: Scenario) -> Scenario:
+        """Scenario with the overrides that cameras see, numbers of world and vehicles,
+        and without scheduled changes.
+        """
+        seen = ("world.", "plant.vehicle.")
+        numbers = {
+            path: value
+            for path, value in self.numbers
+            if word_of(path).startswith(seen)
+        }
+        return with_numbers(scenario.as_begun, numbers)
+
 
 def measured_paths(scenario: Scenario, name: str) -> tuple[str, ...]:
     """Paths of the limits of a vehicle's safety layer that are measured on the law

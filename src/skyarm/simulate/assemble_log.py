@@ -416,7 +416,7 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
     """
     guards = scenario.agent.reference.guards
     own = scenario.agent
-    world = scenario.world
+    world, others = scenario.world, scenario.others
     # who flies it again flies it without the others
     if scenario.others and world is not None and world.ignore:
         (name,) = scenario.agents
@@ -443,8 +443,9 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
         info["phases"] = [phase.name for phase in own.reference.phases]
     if waits:
         info["waits"] = waits
-    if scenario.others:
-        info["others"] = [*scenario.others]
+    # the scenario of the record flies alone
+    if others:
+        info["others"] = [*others]
     return info | {name: whole[name] for name in closing}
 
 

@@ -7,8 +7,10 @@ numbers. Neither the loop nor a log holds pictures.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from itertools import pairwise
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
@@ -21,10 +23,12 @@ from skyarm.log.flight_log import Log, rows_of
 from skyarm.records.arrays import Array, IntArray, float_array, stack_values
 from skyarm.records.files import must_be_one_of
 from skyarm.records.immutable import immutable, positional
+from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, cameras_of
 from skyarm.sensing.cameras.camera_kinds import RaySensor
 from skyarm.sensing.cameras.ray_casting import RayCaster
+from skyarm.simulate.drawn_scenario import drawn_scenario
 from skyarm.simulate.draws import sensor_channel
 from skyarm.simulate.loop_state import LoopState
 from skyarm.vehicle import BASE
@@ -45,7 +49,10 @@ if TYPE_CHECKING:
     from skyarm.world.contact.contact_memory import ContactMemory
 
 AT_ONCE = 16
-"""Number of instants whose rays are met together."""
+"""Largest number of instants whose rays are met together."""
+
+RAYS = 400_000
+"""Number of rays that are met together; more instants would take more memory."""
 
 CARRIED = ("object_position", "object_quaternion", "mechanism_position")
 """Logged arrays with the poses of movable bodies."""
@@ -206,6 +213,22 @@ class Eyes:
             )
         self.names = tuple(self._cameras)
 
+    @classmethod
+    def of_log(cls, log: Log) -> Eyes:
+        """Cameras of a flight from its log, whose laws need not be known any more.
+
+        Raises:
+            ValueError: one line: a log of one of several vehicles, which has not the
+                poses of all that is seen, or a scenario that cannot be restored.
+        """
+        if others := log.info.get("others"):
+            (own,) = log.agents
+            raise ScenarioError(
+                f"sensors: see {', '.join(others)}, too, whose poses are in the log of"
+                f" the whole flight alone; read its frames('{own}.SENSOR')"
+            )
+        return cls(drawn_scenario(log))
+
     def is_due(self, name: str, tick: int) -> bool:
         """True if a sensor takes a picture in a control period."""
         return tick % self._camera(name).every == 0
@@ -233,10 +256,20 @@ class Eyes:
 
     def frames(self, name: str, log: Log) -> Iterator[RangeImage]:
         """Pictures of a flight from its log, one at a time, when the sensor is due."""
+        camera, changes = self._camera(name), stretches(self._scenario)
         ticks = np.rint(log.time * self._scenario.rates.control).astype(int)
-        due = np.flatnonzero(ticks % self._camera(name).every == 0)
+        due = np.flatnonzero(ticks % camera.every == 0)
+        if len(changes) > 1:
+            edges = np.searchsorted(ticks, [each.start for each in changes[1:]])
+            spans = pairwise([0, *edges, len(ticks)])
+            for each, (start, stop) in zip(changes, spans, strict=True):
+                # laws that change are not seen, and may not be known any more
+                flown = each.overrides.seen_of(self._scenario)
+                yield from Eyes(flown).frames(name, rows_of(log, slice(start, stop)))
+            return
         # in pieces, of which a long flight reads its file: memory does not grow
-        for rows in (due[i : i + AT_ONCE] for i in range(0, len(due), AT_ONCE)):
+        size = min(AT_ONCE, 1 + RAYS // math.prod(camera.sensor.shape))
+        for rows in (due[i : i + size] for i in range(0, len(due), size)):
             part = rows_of(log, slice(rows[0], rows[-1] + 1))
             some = rows - rows[0]
             vehicles = [
@@ -269,7 +302,7 @@ class Eyes:
             keys: seed and episode of the noise, one or (lanes,); the scenario's if left
                 out.
             numbers: path -> (lanes,) numbers of the scenario, of which positions of
-                surfaces count.
+                surfaces and centres of mass count.
         """
         own = (
             np.broadcast_to(each, len(times)).astype(int).tolist()
@@ -294,7 +327,8 @@ class Eyes:
             for s in (each.state for each in now.agents)
         ]
         carried = dict[str, Array]()
-        for contact in self._scenario.worlds:
+        # a state has centres of mass, which may vary
+        for contact in varied.worlds:
             # the contact model is the last of the shared ones
             memory = cast("ContactMemory", now.components[-1])
             pairs = zip(contact.carriers, memory.carried, strict=True)

@@ -182,7 +182,7 @@ LEGS = {
 }
 
 
-def on_legs(tmp_path, **world):
+def on_legs(tmp_path, solver=(), **world):
     """A flight of the Hummingbird on two skids of capsules down to the ground."""
     text = 'schema = 1\nname = "legs"\nairframe = "hummingbird"\n'
     for name, side in (("left", 0.1), ("right", -0.1)):
@@ -193,7 +193,7 @@ def on_legs(tmp_path, **world):
     (tmp_path / "legs.toml").write_text(text, "utf-8")
     tables = {
         **LEGS,
-        "plant": {"vehicle": str(tmp_path / "legs.toml")},
+        "plant": {"vehicle": str(tmp_path / "legs.toml"), **dict(solver)},
         "world": {**LEGS["world"], **world},
     }
     return scenario_from(tables)
@@ -204,6 +204,19 @@ def test_a_vehicle_on_skids_pushes_on_the_ground_that_stops_it(tmp_path):
     assert log["components.collision_force"].shape == (120, 1)
     assert log["components.collision_force"].max() > 1.0
     assert log["position"][:, 2].min() > 0.129
+
+
+def test_a_vehicle_on_skids_stands_beside_a_box_on_a_heightfield(tmp_path):
+    level = {"name": "level", "shape": "heightfield", "size": [2.0, 2.0, 0.1, 0.1]}
+    # MuJoCo's own heights would begin at 0
+    level |= {"heights": ["ffff" * 3] * 3, "position": [0.0, 0.0, -0.1]}
+    box = {"name": "box", "mass": 0.2, "size": [0.1] * 3, "position": [0.5, 0.0, 0.05]}
+    solver = {"kind": "mujoco", "contact": "geoms"}
+    scenario = on_legs(tmp_path, solver, surfaces=[level], objects=[box])
+    log = skyarm.run(dataclasses.replace(scenario, duration=0.3))
+    assert log.component("collision_force")[:, 0].max() > 1.0
+    assert log.position[-1, 2] > 0.125
+    assert log.component("object_position")[-1, 2] == pytest.approx(0.05, abs=1e-3)
 
 
 def test_floats_and_every_lane_of_a_batch_touch_with_the_same_bits(tmp_path):

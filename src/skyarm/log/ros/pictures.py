@@ -98,9 +98,15 @@ def cameras_of(log: Log) -> dict[str, Any]:
     """Named cameras and lidars of a vehicle from its log, by their words in names of
     topics.
     """
-    written = written_scenario(log.info).get("agent", {}).get("sensors")
-    sensors = restore_written(log.info, written) or ()
-    cameras = [each for each in sensors if each.sensor.sees]
+    agent = written_scenario(log.info).get("agent")
+    # a damaged file may have anything in their places
+    written = agent.get("sensors") if isinstance(agent, dict) else None
+    sensors = restore_written(log.info, written) if written else ()
+    cameras = [
+        each
+        for each in (sensors if isinstance(sensors, (tuple, list)) else ())
+        if getattr(getattr(each, "sensor", None), "sees", False)
+    ]
     words = distinct([word(each.name) for each in cameras])
     return dict(zip(words, cameras, strict=True))
 

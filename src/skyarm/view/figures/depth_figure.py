@@ -30,7 +30,7 @@ def depth_figure(flights: Named, span: Span) -> Picture:
     """
     rows = []
     for label, log in flights.items():
-        eyes, own = Eyes(log.scenario), f"{label}: " * (len(flights) > 1)
+        eyes, own = Eyes.of_log(log), f"{label}: " * (len(flights) > 1)
         stop = np.searchsorted(log.time, span[1], "right")
         first = np.searchsorted(log.time, np.linspace(*span, INSTANTS))
         parts = [rows_of(log, slice(i, stop)) for i in first]

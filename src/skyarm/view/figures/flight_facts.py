@@ -7,25 +7,19 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from skyarm.control.controller import Controller
-from skyarm.control.laws.paper import hybrid_computed_torque
-from skyarm.control.model import Model
-from skyarm.dynamics.actuators import Mixer
 from skyarm.log.flight_log import Log
-from skyarm.log.flown_scenario import Info, matches_digest, restore_written
 from skyarm.log.formats import as_log
 from skyarm.log.log_columns import component_labels
 from skyarm.log.metrics.score import wanted_push
 from skyarm.records.arrays import Array, lengths
 from skyarm.records.files import PathLike
-from skyarm.records.immutable import immutable, positional
-from skyarm.records.plain import plain
+from skyarm.records.immutable import positional
 from skyarm.scenario.payload_tables import scheduled_changes
 from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.drawn_scenario import drawn_scenario
 from skyarm.world.contact.contact_point import body_names
 
 MOST_PATHS = 3
@@ -58,56 +52,6 @@ def scenario_of(log: Log) -> Scenario | None:
     try:
         return drawn_scenario(log)
     except ValueError:
-        return None
-
-
-@immutable
-class _NoLaw:
-    """Constants of a law that no picture needs, in place of those of a user's law."""
-
-    model: Model
-    mixer: Mixer
-
-
-def drawn_scenario(log: Log) -> Scenario:
-    """Scenario stored in a log, to be drawn: the law of a plugin that is not loaded is
-    left out.
-
-    Raises:
-        ValueError: as :attr:`Log.scenario`, such as for other parts of that plugin.
-    """
-    try:
-        scenario: Scenario = log.scenario
-    except ValueError:
-        drawn = _without_law(log.info)
-        if not isinstance(drawn, Scenario):
-            raise
-        scenario = drawn
-    return scenario
-
-
-def _without_law(info: Info) -> Any:
-    """Restore a log's scenario without the constants and functions of its laws; None if
-    that fails.
-    """
-    written: Any = info.get("scenario_record")
-    try:
-        if not matches_digest(info, written, info.get("code") or {}):
-            return None
-        agents = written.get("agents") or {"": written["agent"]}
-        drawn = {}
-        for name, agent in agents.items():
-            par = {
-                part: restore_written(info, agent["controller"]["par"][part])
-                for part in ("model", "mixer")
-            }
-            # any function of a law would do: what is drawn is not flown
-            law = Controller(name="", law=hybrid_computed_torque, par=_NoLaw(**par))
-            drawn[name] = agent | {"controller": plain(law)}
-        agent = {"agents": drawn} if "agents" in written else {"agent": drawn[""]}
-        return restore_written(info, written | agent)
-    # of a log that was edited by hand
-    except (KeyError, TypeError, AttributeError, ValueError):
         return None
 
 

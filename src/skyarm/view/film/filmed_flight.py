@@ -18,10 +18,10 @@ from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
 from skyarm.reference.tip_motion import TipPush
 from skyarm.scenario.scenario_record import cameras_of
+from skyarm.simulate.drawn_scenario import drawn_scenario
 from skyarm.view.figures.flight_facts import (
     applied_force,
     desired_push,
-    drawn_scenario,
     end_time,
     flight_labels,
     vehicle_logs,

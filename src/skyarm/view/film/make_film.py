@@ -15,7 +15,8 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import PathLike, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit, nonnegative, units
-from skyarm.view.figures.flight_facts import drawn_scenario, end_time
+from skyarm.simulate.drawn_scenario import drawn_scenario
+from skyarm.view.figures.flight_facts import end_time
 from skyarm.view.film.camera_paths import CAMERAS, camera_named, hides
 from skyarm.view.film.captions import Captions, FrameLayout, frame_layout
 from skyarm.view.film.filmed_flight import FilmedFlight, film_flights

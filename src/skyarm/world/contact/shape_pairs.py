@@ -36,7 +36,7 @@ from skyarm.world.contact.surface import Spot, Surface
 ROUND = ("sphere", "capsule")
 """Shapes that touch with balls alone, in the order in which they give them."""
 
-HOLLOW = ("plane", "hole")
+HOLLOW = ("plane", "hole", "heightfield")
 """Shapes that nothing of theirs sticks out of: only others touch them with their
 own."""
 

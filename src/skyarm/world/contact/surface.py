@@ -69,8 +69,8 @@ SHAPES = {
 }
 """Shape -> names of its sizes (m). The outside of a plane is along its z axis, which is
 also the axis of cylinder, hole and capsule; the length of a capsule is that between the
-centres of its ends. A heightfield has its lowest point in the plane of its origin, and
-below it a base."""
+centres of its ends. A heightfield has points 0000 in the plane of its origin, and below
+it a base."""
 
 AWAY = 1e6
 """Distance (m) of every point from a heightfield in our own equations, which do not

@@ -234,6 +234,7 @@ def bare(shape: Surface | Collision, material: Material) -> Surface:
         shape=shape.shape,
         size=shape.size,
         vertices=shape.vertices,
+        heights=getattr(shape, "heights", ()),
         faces=shape.faces,
         material=material,
     )
