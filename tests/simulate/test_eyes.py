@@ -16,10 +16,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import skyarm
+from skyarm.algebra import Quaternion
 from skyarm.plant.mujoco_model import body_name, build_spec
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference.signals import Ramp
-from skyarm.scenario.scenario_record import NamedSensor, ScenarioError
+from skyarm.scenario.scenario_record import NamedSensor, ScenarioError, first_state
 from skyarm.sensing.cameras.camera_kinds import DepthCamera
 from skyarm.sensing.cameras.ray_casting import RayCaster
 from skyarm.simulate import eyes as eyes_module
@@ -333,8 +334,18 @@ def test_an_unknown_sensor_is_refused_by_name():
     ],
 )
 def test_a_camera_inside_a_shape_that_it_sees_is_refused(mount, within):
+    scenario = scenario_with()
+    wrist = replace(scenario.agent.cameras["wrist"], **mount)
+    agent = replace(
+        scenario.agent,
+        sensors=(NamedSensor(name="wrist", sensor=wrist),),
+        # upright the arm would hang along an axis of the world
+        initial=replace(
+            first_state(scenario), quaternion=Quaternion(0.9, 0.3, 0.3, 0.1)
+        ),
+    )
     with pytest.raises(ScenarioError, match=re.escape(within)):
-        skyarm.run(scenario_with(wrist=mount))
+        skyarm.run(scenario.with_agent(agent))
 
 
 def test_members_of_a_team_see_each_other():
