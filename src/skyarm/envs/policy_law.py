@@ -159,7 +159,7 @@ def policy_law(
             " observation"
         )
     # a function of another library may answer with its arrays
-    given = tuple(map(plain_number, takes(seen)))
+    given: Sequence[Any] = tuple(map(plain_number, takes(seen)))
     if len(given) != len(memory.action):
         raise ControllerError(
             f"policy: gives {len(given)} numbers, must be {len(memory.action)} for"

@@ -417,7 +417,7 @@ def sensors_suffice(scenario: Scenario) -> None:
 def pictures_are_taken(scenario: Scenario) -> None:
     """Check that the law and the endings see cameras or lidars of the vehicle."""
     cameras = scenario.agent.cameras
-    sees = {"controller": scenario.agent.controller.sees}
+    sees: dict[str, Sequence[str]] = {"controller": scenario.agent.controller.sees}
     sees |= {f"endings[{i}]": each.sees for i, each in enumerate(scenario.endings)}
     for where, names in sees.items():
         if isinstance(names, str) or len({*names}) < len(names):
