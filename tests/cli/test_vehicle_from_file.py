@@ -393,6 +393,7 @@ def uncommented(text):
     ).replace("hold = ...", "hold = 0.3")
 
 
+@pytest.mark.filterwarnings("default:--collisions")
 def test_rotors_that_ride_on_a_joint_are_kept_and_the_joint_is_asked_for(folder):
     text = quad().replace(
         '<parent link="hull"/><child link="p0"/>',
@@ -403,7 +404,10 @@ def test_rotors_that_ride_on_a_joint_are_kept_and_the_joint_is_asked_for(folder)
     assert done.code == 0, done
     written = (folder / "mine.toml").read_text("utf-8")
     assert '# [[joints]]\n# name = "shoulder"\n# hold = ...' in written
-    skyarm("new", "vehicle", "touching", "--from", "r.urdf", "--collisions", "file")
+    bare = skyarm(
+        "new", "vehicle", "touching", "--from", "r.urdf", "--collisions", "file"
+    )
+    assert "warning: --collisions file: no shape of FILE touches" in bare.err
     added = '\nimport_collisions = "file"'
     text_of_it = (folder / "touching.toml").read_text("utf-8")
     assert added in text_of_it
@@ -537,9 +541,7 @@ def test_shapes_of_a_file_are_written_where_they_are_asked_for(folder):
     for word, count in (("none", 0), ("file", 2), ("capsules", 2)):
         assert skyarm(*new, "--collisions", word).code == 0
         assert len(load_vehicle("mine.toml").collisions) == count
-    refused(
-        skyarm(*new, "--collisions", "all"), "import_collisions = 'all'", "capsules"
-    )
+    refused(skyarm(*new, "--collisions", "all"), "--collisions = 'all'", "capsules")
     alone = ("new", "vehicle", "other", "--collisions", "file")
     refused(skyarm(*alone), "--collisions: must be left out without --from")
     own = skyarm(*alone, "--from", "mine.toml")

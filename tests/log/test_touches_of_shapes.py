@@ -48,7 +48,9 @@ def test_touched_pairs_are_reported_with_first_touch_and_largest_force(landed):
     low = landed.position[:, 2] < 0.12
     # of a ball below a vehicle that hardly tilts
     assert abs(int(np.argmax(low)) - first) <= 1
-    assert landed.contact_periods[0].start == landed.time[first]
+    touch = landed.contact_periods[0]
+    assert touch.start == landed.time[first]
+    assert (touch.point, touch.surface) == ("base", "room/floor")
     assert contact_pairs(landed, "collision_force")[0] == ("base", "room/floor")
     (fact,) = facts(landed)["contacts"]
     assert fact["pair"] == "base/room/floor"

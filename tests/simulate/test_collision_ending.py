@@ -119,7 +119,7 @@ def test_what_its_end_does_not_see_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"endings\[0\].pair = 'lift': .*" + there):
         towards_a_wall(tmp_path, {"pair": "lift"}, surfaces=[WALL, moving])
     with pytest.raises(
-        ValueError, match=r"endings\[0\].pair = '': this kind must be left out"
+        ValueError, match=r"endings\[0\]: kind = 'collision' must be left out"
     ):
         scenario_from(document("case1", endings=[{"kind": "collision"}]))
     with pytest.raises(ValueError, match=r"endings\[0\].force = -1.0: must be"):

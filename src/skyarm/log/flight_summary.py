@@ -227,8 +227,8 @@ def _contacts(log: Log) -> list[Facts]:
     return [
         {
             **(
-                {"pair": f"{surface}/{point}"}
-                if (surface, point) in bodies
+                {"pair": f"{point}/{surface}"}
+                if (point, surface) in bodies
                 else {"surface": surface, "point": point}
             ),
             "first_touch": periods[0].start,

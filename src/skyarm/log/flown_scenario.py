@@ -123,7 +123,7 @@ def flown_scenario(info: Info, replaced: Mapping[str, object]) -> Any:
             "scenario_record: must be of the log's digest; it was changed after skyarm"
             f" {of} wrote it"
         )
-    with _convert_errors(plugins):
+    with _convert_errors(info, plugins):
         own = {**code, **plugins}  # of a user's part: it may change between two calls
         scenario = (
             restore(written, own) if own else _restore_text(json.dumps((written, own)))
@@ -158,14 +158,14 @@ def matches_digest(info: Info, written: Any, code: Any) -> bool:
 
 
 @contextmanager
-def _convert_errors(plugins: Mapping[str, str]) -> Iterator[None]:
+def _convert_errors(info: Info, plugins: Mapping[str, str]) -> Iterator[None]:
     """Context manager that converts errors in restoring a scenario to a one-line
     message that names the log's field.
     """
     try:
         yield
     except RegistryError as error:
-        raise ValueError(f"scenario_record: {error}") from None
+        raise ValueError(f"log of {shown(info.get('scenario'))}: {error}") from None
     # of a record that was edited by hand
     except (KeyError, TypeError, AttributeError, OverflowError) as error:
         raise ValueError(

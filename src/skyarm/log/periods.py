@@ -19,7 +19,8 @@ class ContactPeriod:
     forces.
 
     Attributes:
-        surface, point: names of the pair; of two bodies in the order of the log.
+        surface, point: names of the pair; of the shapes of a vehicle's body the other
+            body and that body.
         start: s, the first instant with a force. end: s, the first one without; None
             where the log ends before.
         peak: N, largest normal force. mean: N.
@@ -56,11 +57,11 @@ class GraspPeriod:
 def contact_periods(log: FlightArrays) -> tuple[ContactPeriod, ...]:
     """List all periods of contact in a log, ordered by start."""
     touches: list[ContactPeriod] = []
-    pairs = [
-        pair
-        for array in ("contact_force", "collision_force")
-        for pair in zip(contact_pairs(log, array), log.component(array).T, strict=False)
-    ]
+    pairs = [*zip(contact_pairs(log), log.component("contact_force").T, strict=False)]
+    bodies = contact_pairs(log, array := "collision_force")
+    # a pair of shapes begins with the vehicle's body
+    others = [(other, body) for body, other in bodies]
+    pairs += zip(others, log.component(array).T, strict=False)
     for (surface, point), force in pairs:
         for begin, end in runs_of(force > 0.0):
             inside = force[begin:end]

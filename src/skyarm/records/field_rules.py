@@ -264,18 +264,20 @@ def _within(field: str, value: float, unit: Unit) -> None:
         refuse(
             field, value, f"must be a {'number' if unit.infinite else 'finite number'}"
         )
+    # such as 60 or [-15, 15]
+    end = " rad, not degrees" if unit.unit == "rad" and abs(value) > math.tau else ""
     if value < unit.low or (unit.strict and value == unit.low):
         refuse(
             field,
             value,
-            f"must be {'above' if unit.strict else 'at least'} {unit.low:g}",
+            f"must be {'above' if unit.strict else 'at least'} {unit.low:g}{end}",
         )
     # an infinite bound that is strict excludes nothing
     if value > unit.high or (unit.strict and value == unit.high < math.inf):
         refuse(
             field,
             value,
-            f"must be {'below' if unit.strict else 'at most'} {unit.high:g}",
+            f"must be {'below' if unit.strict else 'at most'} {unit.high:g}{end}",
         )
     if abs(value) > unit.largest:
         refuse(

@@ -715,12 +715,13 @@ def collisions_can_happen(scenario: Scenario) -> None:
                 for pair in contact.body_pairs
             ]
             if not any(map(ending.ends, names)):
-                given = f"endings[{i}].pair = {shown(ending.pair)}"
                 if not names:
                     raise ValueError(
-                        f"{given}: this kind must be left out: no shape of a vehicle"
-                        " ([[collisions]]) may touch a surface at rest ([world])"
+                        f"endings[{i}]: kind = 'collision' must be left out: no shape"
+                        " of a vehicle ([[collisions]]) may touch a surface at rest"
+                        " ([world])"
                     )
+                given = f"endings[{i}].pair = {shown(ending.pair)}"
                 raise ValueError(
                     f"{given}: {must_be_one_of(names, ending.pair)} of a vehicle's"
                     " shapes with surfaces at rest or its own"

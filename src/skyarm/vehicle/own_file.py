@@ -7,6 +7,7 @@ from __future__ import annotations
 import cmath
 import math
 import re
+import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.files.toml import toml_value
 from skyarm.vehicle.attach import RigidBodies, bodies_of, place_in
 from skyarm.vehicle.check import refuse
+from skyarm.vehicle.imported_shapes import IMPORTS
 from skyarm.vehicle.rotor_tables import RotorTables, joints_below_rotors, mount_rotors
 from skyarm.vehicle.stated_rotors import MAX_THRUST, gaps_of
 from skyarm.vehicle.vehicle_files import (
@@ -70,9 +72,15 @@ def own_vehicle_file(
         VehicleError: one line: the file cannot be read, has no such tip, or lacks
             numbers in a file of this library.
     """
+    if collisions not in IMPORTS:
+        refuse("--collisions", collisions, must_be_one_of(IMPORTS, collisions))
     loaded, bodies = load_with_bodies(file, collisions)
     if bodies is None and collisions != "none":
         refuse("--collisions", collisions, "must be left out: FILE has its own")
+    if collisions != "none" and not loaded.collisions:
+        warnings.warn(
+            f"--collisions {collisions}: no shape of FILE touches", stacklevel=2
+        )
     if loaded.gaps and bodies is None:
         refuse("--from", file, f"must be whole: {loaded.gaps[0]}")
     with naming_file(file):

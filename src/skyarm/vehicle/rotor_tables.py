@@ -109,6 +109,26 @@ def read_rotor_tables(top: Fields, tilting: bool = False) -> RotorTables:
     return RotorTables(whole, usual, own, {each.text("name"): each for each in tables})
 
 
+def _with_shields(
+    rotors: Sequence[Rotor], tables: RotorTables
+) -> tuple[tuple[Rotor, ...], RotorTables]:
+    """Rotors of an airframe with the shields of ``[[rotors]]`` of their names, and the
+    other tables.
+
+    Raises:
+        VehicleError: such a table changes more than the shield.
+    """
+    own = dict(tables.own)
+    shields = {each.name: own.pop(each.name) for each in rotors if each.name in own}
+    for name, values in shields.items():
+        if [*values] != ["shield"]:
+            allowed = "must be shield alone, for the airframe states the rest"
+            refuse(f"rotors[{name}]", sorted(values), allowed)
+    fitted = [replace(each, **shields.get(each.name, {})) for each in rotors]
+    left = {name: each for name, each in tables.tables.items() if name in own}
+    return tuple(fitted), replace(tables, own=own, tables=left)
+
+
 def _values(fields: Fields, tilting: bool) -> dict[str, Any]:
     """Read the stated fields of one rotor, or those of [rotor_defaults]."""
     values: dict[str, Any] = dict(numbers_from(Rotor, fields, partial=True))
@@ -138,7 +158,9 @@ def _axis(fields: Fields) -> dict[str, Vec3]:
     return {"axis": description.unit_axis(fields.at("axis"), fields.vector("axis"))}
 
 
-def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
+def mount_rotors(
+    bodies: RigidBodies, tables: RotorTables, carried: Sequence[Rotor] = ()
+) -> MountedRotors:
     """Rotors of a vehicle: those of the file that describes the bodies, completed by
     the vehicle file's own tables.
 
@@ -148,11 +170,13 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
     Args:
         bodies: bodies, with the rotors that their file states.
         tables: tables of the vehicle file.
+        carried: rotors of the airframe, which come first.
 
     Raises:
         VehicleError: a number is missing where the tables speak of rotors, or a rotor
             rides on a link that moves.
     """
+    carried, tables = _with_shields(carried, tables)
     stated = {each.name: _at_mass(bodies, each) for each in bodies.rotors}
     # a mistyped name must not silently turn completed rotors into a whole set of new
     # ones
@@ -218,22 +242,19 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
         for needed in NEEDED_OF_TILTS if "tilt" in values[name] else ():
             if needed not in values[name]["tilt"]:
                 fields.inner("tilt").take(needed)
-    rotors = (
-        ()
-        if gaps
-        else tuple(_rotor(still, origins[name], values[name]) for name in origins)
-    )
+    made = [] if gaps else [_rotor(still, origins[n], values[n]) for n in origins]
     sources = dict.fromkeys(
         (f"rotors.{word}", text)
         for each in whole.values()
         for word, text in each.where.items()
     )
-    for lag in LAGS if rotors else ():
+    for lag in LAGS if made else ():
         # a default of the library for a lag is named among the sources, so nobody takes
         # it for measured
         if not any(lag in each for each in values.values()):
             sources[f"rotors.{lag}", "assumed: the file states none"] = None
-    return MountedRotors(still, rotors, tuple(gaps), tuple(sources), notes)
+    every = (*carried, *made)
+    return MountedRotors(still, every, tuple(gaps), tuple(sources), notes)
 
 
 def without_rotors(bodies: RigidBodies) -> RigidBodies:

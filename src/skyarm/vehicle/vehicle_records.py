@@ -652,7 +652,11 @@ def _require_whole(value: Vehicle) -> None:
         if each.tilt is not None:
             each.tilt.require(f"rotors[{each.name}].tilt", each.axis)
         if each.shield and (len(each.shield) != 2 or each.tilt is not None):
-            allowed = "must be radius and height, of a rotor that does not tilt"
+            allowed = (
+                "must be two numbers, radius and height, m"
+                if each.tilt is None
+                else "must be left out of a rotor that tilts"
+            )
             refuse(f"rotors[{each.name}].shield", list(each.shield), allowed)
     unique("collisions.name", [each.name for each in value.shapes])
     for frame in (*value.frames, *value.collisions):

@@ -151,9 +151,8 @@ def vehicle_from(
             " [[joints]] hold fixes some"
         )
         refuse("number of joints", len(bodies.links), allowed)
-    flying = mount_rotors(
-        bodies, read_rotor_tables(top, any(each.tilt_joint for each in bodies.rotors))
-    )
+    tables = read_rotor_tables(top, any(each.tilt_joint for each in bodies.rotors))
+    flying = mount_rotors(bodies, tables, airframe.rotors if airframe else ())
     every = top.choice("inertia_repair", ("small", "nearest"), "small") == "nearest"
     # after the rotors' links were merged, because only the whole bodies have to be
     # physical
@@ -197,7 +196,7 @@ def vehicle_from(
         base=bodies.base,
         links=_with_limits_of_drives(links, drives, stating("effort_limit")),
         followers=followers,
-        rotors=(*airframe.rotors, *rotors) if airframe else rotors,
+        rotors=rotors,
         frames=tuple(each for each in fixed if type(each) is Frame),
         looks=tuple(each for each in fixed if type(each) is Look),
         collisions=tuple(each for each in fixed if type(each) is Collision),

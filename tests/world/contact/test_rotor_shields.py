@@ -147,10 +147,27 @@ def test_shields_lie_around_the_axes_of_their_rotors():
     assert next(each.name for each in vehicle.shapes) == "front.shield"
 
 
+def test_a_vehicle_file_puts_a_shield_on_a_rotor_of_its_airframe(tmp_path):
+    path = tmp_path / "v.toml"
+    head = 'schema = 1\nname = "v"\nairframe = "hummingbird"\n[[rotors]]\n'
+    path.write_text(head + 'name = "left"\nshield = [0.2, 0.05]\n')
+    bird, fitted = load_vehicle("hummingbird"), load_vehicle(path)
+    assert [each.shield for each in fitted.rotors if each.shield] == [(0.2, 0.05)]
+    (shield,) = fitted.shields
+    assert shield.name == "left.shield"
+    bare = tuple(dataclasses.replace(each, shield=()) for each in fitted.rotors)
+    assert bare == bird.rotors
+    path.write_text(head + 'name = "left"\nshield = [0.2, 0.05]\nmax_speed = 9.0\n')
+    with pytest.raises(
+        VehicleError, match=r"rotors\[left\] = .*: must be shield alone"
+    ):
+        load_vehicle(path)
+
+
 @pytest.mark.parametrize(
     ("size", "words"),
     [
-        ((0.1,), "must be radius and height, of a rotor that does not tilt"),
+        ((0.1,), "[0.1]: must be two numbers, radius and height, m"),
         ((0.1, -0.1), "rotors[front].shield[1] = -0.1: must be above 0"),
     ],
 )

@@ -158,6 +158,13 @@ class RaySensor(Sensor):
         """
         return None
 
+    @property
+    def fan(self) -> tuple[float, float, float, float] | None:
+        """Azimuths at left and right edge and elevations at lower and upper edge (rad)
+        of a fan of rays; None without one.
+        """
+        return None
+
     def directions(self) -> Array:
         """Directions (rows, columns, 3) of the rays, optical axes, whose length is one
         unit of depth.
@@ -270,6 +277,12 @@ class Lidar(RaySensor):
             low, high = getattr(self, name)
             if not low < high:
                 refuse(name, [low, high], "must rise")
+
+    @property
+    def fan(self) -> tuple[float, float, float, float]:
+        """Azimuths at left and right edge, elevations at lower and upper edge (rad)."""
+        right, left = self.azimuth
+        return left, right, *self.elevation
 
     def directions(self) -> Array:
         """Unit vectors (rows, columns, 3) of the rays, optical axes."""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.linalg import norm
@@ -135,16 +136,27 @@ CAMERAS: dict[str, Path] = {
 over height) -> path."""
 
 
-def camera_named(name: str, flights: Flights = ()) -> Path:
+def camera_named(name: str, flights: Flights = (), cure: str = "") -> Path:
     """Return the camera path of a name, also of a depth camera of the flights.
+
+    Args:
+        name: word of ``CAMERAS``, or name of a depth camera.
+        flights: flights whose depth cameras are allowed.
+        cure: what else shows a depth camera, for the error.
 
     Raises:
         ValueError: one line: no such camera.
     """
-    sensors = [each for flight in flights for each in flight.cameras]
-    if name not in (*CAMERAS, *sensors):
-        known = must_be_one_of([*CAMERAS, *sensors], name)
-        raise ValueError(f"camera = {shown(name)}: {known}")
+    sensors = dict[str, Any]()
+    for flight in flights:
+        sensors |= flight.cameras
+    flat = [each for each, sensor in sensors.items() if sensor.intrinsics()]
+    if name not in (*CAMERAS, *flat):
+        known = must_be_one_of([*CAMERAS, *flat], name)
+        if name in sensors:
+            cure = f"inset = {shown(name)} shows the ranges of this lidar"
+        end = f"; {cure}" if cure else ""
+        raise ValueError(f"camera = {shown(name)}: {known}{end}")
     return CAMERAS.get(name, partial(sensor_camera, name))
 
 

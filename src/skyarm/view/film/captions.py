@@ -187,23 +187,39 @@ class Captions:
         align: str = "left",
         bold: bool = False,
     ) -> None:
-        """Write a line of text into a rectangle of an image, smaller if too long."""
-        # a picture's line of text: no line breaks, no characters that steer a terminal
-        text = "".join(each if each.isprintable() else " " for each in text)
-        # pixels at 720 lines, chosen by eye
-        margin = round(10.0 * self._layout.scale)
-        height = max(LEAST_TEXT, round(TEXT_SIZE * self._layout.scale))
-        while (font := _font(height, bold=bold)).getlength(
-            text
-        ) > box.width - 2 * margin and height > LEAST_TEXT:
-            height -= 1
-        picture = Image.new("RGB", (box.width, box.height), PAPER)
-        at = margin if align == "left" else box.width - margin
-        anchor = "lm" if align == "left" else "rm"
-        ImageDraw.Draw(picture).text(
-            (at, box.height // 2), text, fill=tuple(ink), font=font, anchor=anchor
-        )
-        pixels[box.inside] = np.asarray(picture)
+        """Write a line of text of the film's size into a rectangle of an image."""
+        scale = self._layout.scale
+        write_line(pixels, box, text, scale, ink=ink, align=align, bold=bold)
+
+
+def write_line(
+    pixels: Pixels,
+    box: Box,
+    text: str,
+    scale: float,
+    *,
+    ink: Sequence[int] = INK,
+    paper: tuple[int, int, int] = PAPER,
+    align: str = "left",
+    bold: bool = False,
+) -> None:
+    """Write a line of text into a rectangle of an image, smaller if too long."""
+    # a picture's line of text: no line breaks, no characters that steer a terminal
+    text = "".join(each if each.isprintable() else " " for each in text)
+    # pixels at 720 lines, chosen by eye
+    margin = round(10.0 * scale)
+    height = max(LEAST_TEXT, round(TEXT_SIZE * scale))
+    while (font := _font(height, bold=bold)).getlength(
+        text
+    ) > box.width - 2 * margin and height > LEAST_TEXT:
+        height -= 1
+    picture = Image.new("RGB", (box.width, box.height), paper)
+    at = margin if align == "left" else box.width - margin
+    anchor = "lm" if align == "left" else "rm"
+    ImageDraw.Draw(picture).text(
+        (at, box.height // 2), text, fill=tuple(ink), font=font, anchor=anchor
+    )
+    pixels[box.inside] = np.asarray(picture)
 
 
 def state_words(flight: FilmedFlight, time: float, k: int) -> str:

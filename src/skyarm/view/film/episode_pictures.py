@@ -64,7 +64,7 @@ def picture_settings(given: Mapping[str, Any]) -> FilmSettings:
         if name not in OPTIONS:
             raise ValueError(f"{shown(name)}: {must_be_one_of(OPTIONS, name)}")
     settings = FilmSettings(plot=False, **{**OPTIONS, **given})
-    camera_named(settings.camera)
+    camera_named(settings.camera, cure="skyarm.envs.Depth observes a depth camera")
     return settings
 
 

@@ -170,12 +170,12 @@ def _with_scenes(team: Sequence[FilmedFlight], log: Log) -> Iterator[FilmedFligh
         return _scene(log.agents[name], models, replace(agents[name], agents=agents))
 
     for each, scene in zip(agents.values(), scenes_of(agents, draw), strict=True):
-        flat = {
+        cameras = {
             name: sensor
             for name, (agent, sensor) in cameras_of(scenario).items()
-            if agent == each.name and sensor.intrinsics()
+            if agent == each.name
         }
-        yield replace(each, scene=scene, cameras=flat)
+        yield replace(each, scene=scene, cameras=cameras)
 
 
 def _error(log: Log, push: TipPush | None) -> Array:

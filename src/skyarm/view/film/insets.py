@@ -9,14 +9,20 @@ import numpy as np
 
 from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array, Pixels
-from skyarm.view.film.captions import Box
+from skyarm.records.files import must_be_one_of, shown
+from skyarm.scenario.scenario_record import cameras_of
+from skyarm.view.film.captions import HEAD, INK, PAPER, Box, write_line
 from skyarm.view.picture.depth_pixels import depth_pixels
 
 SHARE = 0.4
 """Largest part of a panel's width and height that an inset takes."""
 
-EDGE = 2
-"""Width (pixels) of the panel's picture that stays beside an inset."""
+EDGE, LINE = 2, 1
+"""Widths (pixels) of the panel's picture that stays beside an inset, and of the line
+around it."""
+
+WORDS = 0.75
+"""Size of an inset's words against those of the film."""
 
 Inset = tuple[Box, Iterator[Any]]
 """Panel, and the latest picture at each frame of the film."""
@@ -27,7 +33,21 @@ def insets_of(
 ) -> list[Inset]:
     """Latest pictures of a camera or lidar in the panel of each flight; of flights in
     one panel those of the first.
+
+    Raises:
+        ValueError: one line: a flight without that camera.
     """
+    for _, log in zip(panels, logs, strict=False):
+        known = cameras_of(log.scenario)
+        if name not in known:
+            allowed = (
+                must_be_one_of(known, name)
+                if known
+                else f"must be left out, there is no camera; [sensors.{name}] with kind"
+                " = 'depth_camera' or 'lidar' is one"
+            )
+            flight = shown(log.info.get("scenario"))
+            raise ValueError(f"inset = {shown(name)}: flight {flight}: {allowed}")
     return [
         (box, _latest(log.frames(name), times))
         for box, log in zip(panels, logs, strict=False)
@@ -42,12 +62,37 @@ def _latest(frames: Iterator[Any], times: Array) -> Iterator[Any]:
         yield latest
 
 
-def put_inset(picture: Pixels, inset: Inset) -> None:
-    """Put the next picture of an inset into the lower right corner of its panel."""
+def put_inset(picture: Pixels, inset: Inset, scale: float) -> None:
+    """Put the next picture of an inset into the lower right corner of its panel, below
+    the sensor's name and depths.
+
+    Args:
+        picture: film frame.
+        inset: panel and its pictures.
+        scale: scale of texts, 1 at 720 lines.
+    """
     box, seen = inset
-    pixels = depth_pixels(next(seen).depth)
+    latest = next(seen)
+    pixels = depth_pixels(latest.depth)
     rows, columns, _ = pixels.shape
-    scale = SHARE * min(box.height / rows, box.width / columns)
-    high, wide = (max(1, int(scale * each)) for each in (rows, columns))
+    zoom = SHARE * min(box.height / rows, box.width / columns)
+    high, wide = (max(1, int(zoom * each)) for each in (rows, columns))
     grown = pixels[np.arange(high) * rows // high][:, np.arange(wide) * columns // wide]
-    picture[box.inside][-high - EDGE : -EDGE, -wide - EDGE : -EDGE] = grown
+    right, low = box.left + box.width - EDGE, box.top + box.height - EDGE
+    band = round(WORDS * HEAD * scale)
+    left, top = right - wide - 2 * LINE, max(low - high - 2 * LINE - band, 0)
+    framed = Box(left, top, right - left, low - top)
+    picture[framed.inside] = INK
+    known = latest.depth[np.isfinite(latest.depth)]
+    ends = (
+        f", bright {known.min():.2g} m, dark {known.max():.2g} m" if known.size else ""
+    )
+    write_line(
+        picture,
+        Box(left + LINE, top + LINE, wide, band),
+        latest.sensor + ends,
+        WORDS * scale,
+        ink=PAPER,
+        paper=INK,
+    )
+    picture[low - LINE - high : low - LINE, right - LINE - wide : right - LINE] = grown

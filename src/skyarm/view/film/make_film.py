@@ -18,7 +18,7 @@ from skyarm.records.units import Unit, nonnegative, units
 from skyarm.simulate.drawn_scenario import drawn_scenario
 from skyarm.view.figures.flight_facts import end_time
 from skyarm.view.film.camera_paths import CAMERAS, camera_named, hides
-from skyarm.view.film.captions import Captions, FrameLayout, frame_layout
+from skyarm.view.film.captions import Box, Captions, FrameLayout, frame_layout
 from skyarm.view.film.filmed_flight import FilmedFlight, film_flights
 from skyarm.view.film.insets import insets_of, put_inset
 from skyarm.view.film.video_files import require_film_format
@@ -108,6 +108,11 @@ def film_frames(
     layout = frame_layout(
         width, height, len(agents), settings.layout, plot=settings.plot, agents=agents
     )
+    panels = zip(layout.panels, _together(flights, settings), strict=True)
+    layout = replace(
+        layout,
+        panels=tuple(_seen_box(box, settings.camera, each) for box, each in panels),
+    )
     name = settings.inset
     insets = [] if name is None else insets_of(name, layout.panels, logs, times)
     captions = Captions(flights, times, layout, settings.title or "")
@@ -117,7 +122,7 @@ def film_frames(
         for k in range(len(times)):
             picture = captions.frame(stage.draw(k), k)
             for each in insets:
-                put_inset(picture, each)
+                put_inset(picture, each, layout.scale)
             yield picture
             if progress is not None:
                 progress(k + 1, len(times))
@@ -129,7 +134,7 @@ def film_panels(
     """Make the 3D panels of a film: camera, solids, lines and arrows of their
     flights.
     """
-    together = [list(flights)] if settings.layout == "over" else by_flight(flights)
+    together = _together(flights, settings)
     paths = _cameras(together, times, settings, layout)
     panels = []
     for box, inside, path in zip(layout.panels, together, paths, strict=True):
@@ -164,6 +169,25 @@ def film_panels(
     return panels
 
 
+def _together(flights: Flights, settings: FilmSettings) -> Sequence[Flights]:
+    """Flights of each panel."""
+    return [list(flights)] if settings.layout == "over" else by_flight(flights)
+
+
+def _seen_box(box: Box, camera: str, flights: Flights) -> Box:
+    """Part of a panel that a depth camera's picture fills, in its middle; the panel of
+    another camera.
+    """
+    sensors = (each.cameras[camera] for each in flights if camera in each.cameras)
+    if (sensor := next(sensors, None)) is None:
+        return box
+    rows, columns = sensor.shape
+    scale = min(box.width / columns, box.height / rows)
+    wide, high = (max(1, round(scale * each)) for each in (columns, rows))
+    left, top = box.left + (box.width - wide) // 2, box.top + (box.height - high) // 2
+    return Box(left, top, wide, high)
+
+
 def _cameras(
     together: Sequence[Flights],
     times: Array,
@@ -186,8 +210,8 @@ def _cameras(
     ):
         return [CAMERAS[settings.camera](every, seconds, aspect)] * len(together)
     paths = [
-        camera_named(settings.camera, inside)(inside, seconds, aspect)
-        for inside in together
+        camera_named(settings.camera, inside)(inside, seconds, box.width / box.height)
+        for inside, box in zip(together, layout.panels, strict=True)
     ]
     # a camera each, but one distance: sizes can be compared between panels
     distance = np.max([each.distance for each in paths], axis=0)

@@ -331,9 +331,9 @@ def _surroundings(
     )
     seconds = (times - times[0]) / settings.speed
     # the player sets its camera once: to follow, all of the flight must be in view
-    path = camera_named("fixed" if settings.camera == "follow" else settings.camera)(
-        flights, seconds, ASPECT
-    )
+    name = "fixed" if settings.camera == "follow" else settings.camera
+    cure = "what a depth camera sees is in a film, .mp4 or .webp"
+    path = camera_named(name, cure=cure)(flights, seconds, ASPECT)
     along = looking_towards(float(path.azimuth[0]), float(path.elevation[0]))
     eye = (
         path.look_at[0]

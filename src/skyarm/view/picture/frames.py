@@ -66,7 +66,8 @@ class FlightFrames(Instants):
         tilts: (F, rotors that tilt) rad; without columns where none does.
         scene: solids, lines and arrows of the scenario's components; of what vehicles
             share only with the first.
-        cameras: depth cameras by name, behind that of the vehicle if there are several.
+        cameras: depth cameras and lidars by name, behind that of the vehicle if there
+            are several.
     """
 
     label: str
