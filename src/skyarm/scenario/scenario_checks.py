@@ -852,7 +852,8 @@ def _shape_around(sensor: RaySensor, vehicle: Vehicle, motion: PointMotion) -> s
     """Words for the shape of its own vehicle that a camera starts inside, of those that
     it sees; empty for none.
     """
-    from skyarm.world.contact.contact_point import body_axes, body_names
+    from skyarm.vehicle.vehicle_records import body_names
+    from skyarm.world.contact.contact_point import body_axes
     from skyarm.world.contact.material import Material
     from skyarm.world.contact.shape_pairs import PlacedShape
     from skyarm.world.contact.vehicle_bodies import part_of_vehicle

@@ -16,6 +16,7 @@ import skyarm
 
 MADE_OF_CONTACT = (
     "skyarm.planning",
+    "skyarm.plant.mujoco_geoms",
     "skyarm.sensing.cameras.ray",
     "skyarm.simulate.eyes",
     "skyarm.world.team",
