@@ -49,6 +49,11 @@ def bar() -> Any:
     return skyarm.run(team("bar", duration=0.2))
 
 
+def test_a_members_log_shows_no_pictures_without_the_others(armed):
+    with pytest.raises(ValueError, match=r"right, too, .* frames\('left.SENSOR'\)"):
+        armed.agents["left"].frames("eye")
+
+
 def test_what_a_world_has_of_all_vehicles_is_said_once_above_them(bar):
     values = facts(bar)
     taken = {

@@ -4,6 +4,7 @@ session and a batch, and no part of the flight.
 
 from __future__ import annotations
 
+import re
 import tomllib
 from dataclasses import replace
 from functools import cache
@@ -15,10 +16,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import skyarm
+from skyarm.algebra import Quaternion
 from skyarm.plant.mujoco_model import body_name, build_spec
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference.signals import Ramp
-from skyarm.scenario.scenario_record import NamedSensor, ScenarioError
+from skyarm.scenario.scenario_record import NamedSensor, ScenarioError, first_state
 from skyarm.sensing.cameras.camera_kinds import DepthCamera
 from skyarm.sensing.cameras.ray_casting import RayCaster
 from skyarm.simulate import eyes as eyes_module
@@ -270,6 +272,7 @@ def test_a_lidar_measures_along_its_rays():
     R = Rotation.from_quat(np.roll(frame.quaternion, -1)).as_matrix()
     world = frame.position + frame.points() @ R.T
     np.testing.assert_allclose(world[wall][:, 0], 1.5, atol=1e-4)
+    np.testing.assert_allclose(frame.points(world=True), world, atol=1e-12)
     assert wall.sum() > 20
     np.testing.assert_allclose(
         np.linalg.norm(frame.points()[wall], axis=1), frame.depth[wall]
@@ -321,6 +324,28 @@ def test_an_unknown_sensor_is_refused_by_name():
     bare = scenario.with_agent(replace(scenario.agent, sensors=()))
     with pytest.raises(ScenarioError, match=r"sensors.wrist: there is no camera"):
         first(bare, "wrist")
+
+
+@pytest.mark.parametrize(
+    ("mount", "within"),
+    [
+        ({"position": [0.0, 0.0, -0.1], "sees_own_link": True}, "fore] of link2"),
+        ({"link": "base", "position": [0.0, 0.0, -0.1]}, "upper] of link1"),
+    ],
+)
+def test_a_camera_inside_a_shape_that_it_sees_is_refused(mount, within):
+    scenario = scenario_with()
+    wrist = replace(scenario.agent.cameras["wrist"], **mount)
+    agent = replace(
+        scenario.agent,
+        sensors=(NamedSensor(name="wrist", sensor=wrist),),
+        # upright the arm would hang along an axis of the world
+        initial=replace(
+            first_state(scenario), quaternion=Quaternion(0.9, 0.3, 0.3, 0.1)
+        ),
+    )
+    with pytest.raises(ScenarioError, match=re.escape(within)):
+        skyarm.run(scenario.with_agent(agent))
 
 
 def test_members_of_a_team_see_each_other():

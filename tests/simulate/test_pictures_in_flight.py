@@ -11,6 +11,8 @@ import pytest
 import skyarm
 from skyarm.algebra.scalars import where
 from skyarm.control.controller import ControllerError
+from skyarm.control.law_checks import LawError
+from skyarm.control.safety.limits import USUAL, law_stiffness
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.eyes import Eyes
 from skyarm.simulate.first_state import first_loop_state
@@ -167,8 +169,84 @@ def test_what_has_no_pictures_says_so():
     with pytest.raises(ValueError, match=words):
         skyarm.run(flight(sees=("dwn",)))
     bare = FLIGHT.with_agent(dataclasses.replace(FLIGHT.agent, sensors=()))
-    with pytest.raises(ValueError, match="sees = 'down': is no camera"):
+    words = r"sees = 'down': must be a table \[sensors.down\] with kind = \"depth"
+    with pytest.raises(ValueError, match=words):
         skyarm.run(bare.with_controller(flight().agent.controller))
+    with pytest.raises(LawError, match="sees 'down': scenario 'case3' must have this"):
+        skyarm.check_law(flight().agent.controller)
+    skyarm.check_law(flight())
+    with pytest.raises(ValueError, match="must be a list of cameras, each once"):
+        skyarm.run(flight(sees=("down", "down")))
+
+
+def pixel_99(memory, seen, wanted, dt, *, par):
+    """Law that reads a pixel which three columns have not."""
+    return memory, seen.images[0].depth[99]
+
+
+def width(memory, seen, wanted, dt, *, par):
+    """Law that reads a field which no picture has."""
+    return memory, seen.images[0].width
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        ({"law": pixel_99}, "reads beyond a tuple; its images: 'down', 3 pixels"),
+        (
+            {"law": pixel_99, "sees": ()},
+            r'reads beyond a tuple; its images: none, must state sees = \["SENSOR"\]',
+        ),
+        ({"law": width}, "law 'turned' reads 'width' of Image: .*rows, columns, sens"),
+    ],
+)
+def test_a_law_that_reads_what_no_picture_has_is_one_line(law, words):
+    with pytest.raises(LawError, match=words):
+        skyarm.run(flight(**law))
+
+
+class NoImages(TooHigh):
+    def fine(self, scenario, state, goal, slack):
+        return True
+
+
+class Another(TooHigh):
+    def fine(self, scenario, state, goal, slack, images=()):
+        return images[1].depth[0] < self.limit
+
+
+class Unseeing(Another):
+    sees = ()
+
+
+class Branching(TooHigh):
+    def fine(self, scenario, state, goal, slack, images=()):
+        return bool(images[0].depth[1] < self.limit)
+
+
+class Letters(TooHigh):
+    sees = "down"
+
+
+@pytest.mark.parametrize(
+    ("ending", "words"),
+    [
+        (NoImages, "sees down, its fine takes no images: must be fine(self, sc"),
+        (Another, "(Another) reads beyond a tuple; its images: 'down', 3 pixels"),
+        (Unseeing, "(Unseeing) reads beyond a tuple; its images: none, must state"),
+        (Branching, "(Branching) cannot be traced: branch on a traced value"),
+        (Letters, "endings[0]: sees = 'down': must be a list of cameras, each once"),
+    ],
+)
+def test_an_ending_that_sees_wrongly_is_one_line(ending, words):
+    ended = dataclasses.replace(FLIGHT, endings=(ending(limit=2.0),))
+    with pytest.raises(ValueError, match=re.escape(words)) as error:
+        skyarm.run(ended)
+    assert str(error.value).count("test_pictures_in_flight.py") <= 1
+
+
+def test_safety_takes_a_law_that_sees_for_a_usual_one():
+    assert law_stiffness(flight().agent.controller) == USUAL
 
 
 def test_members_of_a_team_see_each_other(tmp_path):

@@ -35,11 +35,19 @@ from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.rotor import require_speeds
 from skyarm.records.coerce import RecordError
-from skyarm.records.files import shown
+from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.files.user_code import own_code, place_of, place_of_error
-from skyarm.records.leaves import Tree, is_record, leaves, named_parts, pairs, rebuild
+from skyarm.records.leaves import (
+    Tree,
+    field_names,
+    is_record,
+    leaves,
+    named_parts,
+    pairs,
+    rebuild,
+)
 from skyarm.reference import Reference
-from skyarm.sensing.measurement import Measurement
+from skyarm.sensing.measurement import Image, Measurement
 
 CALLED_AS = "law(memory, measurement, reference, dt, *, par)"
 
@@ -229,8 +237,8 @@ def _check_step(
     fault = partial(_fault, law, name)
     try:
         result = law(memory, measurement, reference, dt, par=par)
-    except (TypeError, AttributeError, RecordError) as error:
-        cause = mistake_in(error)
+    except (TypeError, AttributeError, IndexError, RecordError) as error:
+        cause = mistake_in(error, measurement.images)
         if cause is None:
             raise
         words = f"{cause}, {AS_FLOATS}" if cause.startswith(TRACED) else cause
@@ -271,9 +279,11 @@ def _field_mistake(field: str, values: object, count: int) -> str | None:
     return None
 
 
-def mistake_in(error: Exception) -> str | None:
+def mistake_in(error: Exception, images: Sequence[Image] | None = None) -> str | None:
     """Error text for an exception caused by untraceable user code; None for an ordinary
     bug in that code.
+
+    ``images`` are the pictures that the code sees; None for code that sees none ever.
     """
     text = " ".join(str(error).split())
     if isinstance(error, TracedBranchError):
@@ -282,6 +292,12 @@ def mistake_in(error: Exception) -> str | None:
         return f"changes a record: {text}; must make another, by dataclasses.replace"
     if isinstance(error, RecordError):
         return f"makes a record that cannot be: {text}"
+    if isinstance(error, IndexError):
+        if images is None or not text.startswith("tuple"):
+            return None
+        seen = [f"{each.sensor!r}, {len(each.depth)} pixels" for each in images]
+        there = "; ".join(seen) or 'none, must state sees = ["SENSOR"]'
+        return f"reads beyond a tuple; its images: {there}"
     # NumPy and Python raise plain errors for a traced number, so only their texts tell
     if re.search("0-dimensional arrays|length-1 arrays", text):
         return f"{TRACED}: a NumPy array meets a traced number; {ALLOWED}"
@@ -293,6 +309,10 @@ def mistake_in(error: Exception) -> str | None:
             "Node", "traced number"
         )
         return f"{TRACED}: {words}; {ALLOWED}"
+    if isinstance(error, AttributeError) and is_record(error.obj):
+        kind = type(error.obj)
+        allowed = must_be_one_of(field_names(kind) or (), error.name)
+        return f"reads {error.name!r} of {kind.__name__}: {allowed}"
     return None
 
 

@@ -141,12 +141,11 @@ def _require_sensors(
     """Refuse pictures of sensors that are not there, or named as the vector of numbers,
     and endings that see.
     """
-    free = flown.agent.cameras.keys() - {"state"}
+    there = sorted(flown.agent.cameras.keys() - {"state"})
+    free = {*there}
     for name in (each.sees for each in seen if each.sees):
         if name not in free:
-            allowed = (
-                f"a camera, each once, here of {', '.join(sorted(free)) or 'none'}"
-            )
+            allowed = f"a camera, each once, here of {', '.join(there) or 'none'}"
             raise ScenarioError(f"observation: sensor = {name!r}: must be {allowed}")
         free -= {name}
         shields = flown.agent.vehicle.shields

@@ -21,6 +21,7 @@ from skyarm.envs.env_program import observation_of
 from skyarm.envs.env_task import LearningTask
 from skyarm.envs.observed_quantities import Sight
 from skyarm.records.arrays import Array, doubles
+from skyarm.records.coerce import plain_number
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, is_record
@@ -75,9 +76,11 @@ def as_law(
     """Make a control law from a policy that was trained in an environment.
 
     Args:
-        policy: a function, over any scalar, from the numbers of an observation to those
-            of an action; or the layers of a network, ``[(weights (outputs, inputs),
-            offsets (outputs)), ...]`` with tanh between them (:func:`network`).
+        policy: a function, over any scalar, from the numbers of an observation, the
+            state's first, then the pixels of each picture row by row, in the order of
+            ``observation``, to those of an action; or the layers of a network,
+            ``[(weights (outputs, inputs), offsets (outputs)), ...]`` with tanh between
+            them (:func:`network`).
         environment: training environment, single or vector: its observation, actions
             and scenario's law are the policy's.
         name: name of the law.
@@ -99,10 +102,12 @@ def as_law(
             " actions"
         )
     asks, record = task.actions.asks_law, is_record(policy)
+    # the state first, which an environment gives apart from its pictures
+    seen = tuple(sorted(task.observation, key=lambda each: bool(each.sees)))
     law = partial(
         policy_law,
         # rewards read the truth, which a law does not have
-        observation=replace(task, reward=()),
+        observation=replace(task, reward=(), observation=seen),
         asked=planned.law if asks else _no_law,
         function=None if record else policy,
     )
@@ -119,7 +124,7 @@ def as_law(
         margin=planned.margin if asks else None,
         limit=planned.limit if asks else "",
         compiled=traceable,
-        sees=tuple(each.sees for each in task.observation if each.sees),
+        sees=tuple(each.sees for each in seen if each.sees),
     )
 
 
@@ -153,7 +158,8 @@ def policy_law(
             f"policy: takes {len(takes.means)} numbers, must be {len(seen)} for this"
             " observation"
         )
-    given = takes(seen)
+    # a function of another library may answer with its arrays
+    given: Sequence[Any] = tuple(map(plain_number, takes(seen)))
     if len(given) != len(memory.action):
         raise ControllerError(
             f"policy: gives {len(given)} numbers, must be {len(memory.action)} for"

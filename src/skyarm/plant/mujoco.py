@@ -12,6 +12,7 @@ import threading
 import warnings
 from collections.abc import Sequence
 from itertools import accumulate, chain, pairwise
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -45,7 +46,6 @@ from skyarm.plant.loads import (
     rigid_loads,
     with_equivalent_rotors,
 )
-from skyarm.plant.mujoco_geoms import Geoms
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_loads import Coupling, Loads
 from skyarm.plant.mujoco_model import add_vehicle, body_name, build_spec
@@ -56,6 +56,9 @@ from skyarm.records.arrays import Array
 from skyarm.records.leaves import leaves
 from skyarm.vehicle import BASE, Vehicle
 from skyarm.vehicle.vehicle_records import require_plant
+
+if TYPE_CHECKING:
+    from skyarm.world.contact.closed_contact import ClosedContact
 
 LARGEST_FRICTION_STEP = {"rk4": HELD_FRICTION_STEP, "rk4_staged": FRICTION_STEP}
 """Integrator -> largest product of friction's decay rate and a step."""
@@ -94,6 +97,16 @@ def _ignore(_message: str) -> None:
 
 
 QUIET = _Quiet()
+
+
+def _kind_of(contact: ClosedContact) -> type[Welds]:
+    """Geoms for a contact model whose forces the plant finds, else welds alone."""
+    if not contact.geoms:
+        return Welds
+    # made of contact, which flights without it do without
+    from skyarm.plant.mujoco_geoms import Geoms
+
+    return Geoms
 
 
 def _with_loads_at_stages(
@@ -188,7 +201,7 @@ class MujocoPlant:
         ):
             add_vehicle(spec, vehicle, held, prefix)
         self._welds = [
-            (Geoms if contact.geoms else Welds)(spec, vehicles, prefixes, around)
+            _kind_of(contact)(spec, vehicles, prefixes, around)
             for contact, _ in closed_contacts(around)
         ]
         with QUIET, warnings.catch_warnings():

@@ -44,11 +44,12 @@ from skyarm.scenario.endings import BodyCollision, BodyContact, RotorContact
 from skyarm.scenario.paths import errors_of_agent, is_below, prefix_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.sensing.sensor import Sensor
-from skyarm.vehicle import Vehicle
+from skyarm.vehicle import BASE, Vehicle
 from skyarm.vehicle.vehicle_records import require_plant
 from skyarm.world import Component
 
 if TYPE_CHECKING:
+    from skyarm.sensing.cameras.camera_kinds import RaySensor
     from skyarm.world.contact.contact import Contact
 
 LONGEST_FLIGHT = 10_000_000
@@ -415,14 +416,20 @@ def sensors_suffice(scenario: Scenario) -> None:
 @rule("controller", "sensors", "endings", numbers=False)
 def pictures_are_taken(scenario: Scenario) -> None:
     """Check that the law and the endings see cameras or lidars of the vehicle."""
-    cameras = [*scenario.agent.cameras]
-    sees = {"controller": scenario.agent.controller.sees}
+    cameras = scenario.agent.cameras
+    sees: dict[str, Sequence[str]] = {"controller": scenario.agent.controller.sees}
     sees |= {f"endings[{i}]": each.sees for i, each in enumerate(scenario.endings)}
     for where, names in sees.items():
+        if isinstance(names, str) or len({*names}) < len(names):
+            allowed = "must be a list of cameras, each once"
+            raise ValueError(f"{where}: sees = {shown(names)}: {allowed}")
         for name in names:
             if name not in cameras:
-                allowed = must_be_one_of(cameras, name) if cameras else "is no camera"
-                raise ValueError(f"{where}: sees = {shown(name)}: {allowed}")
+                allowed = f"{must_be_one_of(cameras, name)}, or" if cameras else "must"
+                raise ValueError(
+                    f"{where}: sees = {shown(name)}: {allowed} be a table"
+                    f' [sensors.{name}] with kind = "depth_camera" or "lidar"'
+                )
 
 
 @rule("plant.drives", "plant.vehicle", "environment", "rates")
@@ -831,6 +838,38 @@ def _require_clear_views(
                 f"{where.name} = {given}: starts inside {met.surface!r}, must start"
                 " outside"
             )
+    for agent, own in scenario.agents.items():
+        for name, sensor in own.cameras.items():
+            if within := _shape_around(sensor, own.vehicle, motion.of(agent)):
+                given = shown([float(c) for c in sensor.position])
+                raise ValueError(
+                    f"{prefix_of(scenario, agent)}sensors.{name}.position = {given}:"
+                    f" starts inside {within}, which hides all, must start outside"
+                )
+
+
+def _shape_around(sensor: RaySensor, vehicle: Vehicle, motion: PointMotion) -> str:
+    """Words for the shape of its own vehicle that a camera starts inside, of those that
+    it sees; empty for none.
+    """
+    from skyarm.vehicle.vehicle_records import body_names
+    from skyarm.world.contact.contact_point import body_axes
+    from skyarm.world.contact.material import Material
+    from skyarm.world.contact.shape_pairs import PlacedShape
+    from skyarm.world.contact.vehicle_bodies import part_of_vehicle
+
+    body = sensor.body_of(vehicle)
+    eye = motion.position(sensor.position, body)
+    for each in vehicle.shapes:
+        part = part_of_vehicle(each, Material())
+        R_WL = body_axes(motion, each.link)
+        place = motion.position(part.position, each.link)
+        solid = PlacedShape(part.shape, R_WL @ part.rotation, place)
+        seen = sensor.sees_own_link or each.link != body
+        if seen and solid.skin(eye, 0)[0] > 0.0:
+            link = body_names(vehicle)[each.link - BASE]
+            return f"collisions[{each.name}] of {link}"
+    return ""
 
 
 def _require_start_outside(scenario: Scenario, name: str, state: State) -> None:

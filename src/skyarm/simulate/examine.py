@@ -63,6 +63,7 @@ from skyarm.control.law_checks import (
     memory_mistake,
     mistake_in,
     try_law,
+    wrong,
 )
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -88,7 +89,7 @@ from skyarm.sensing.measurement import Measurement, measurement_of
 from skyarm.sensing.sensor import NO_PUSH
 from skyarm.sensing.sensor_kinds import declared_reading
 from skyarm.simulate.inputs import held_times
-from skyarm.simulate.pictures import blank_images
+from skyarm.simulate.pictures import Images, blank_images
 from skyarm.vehicle import BASE
 from skyarm.world import Wrench
 from skyarm.world.component import MOST_UNIFORMS
@@ -319,7 +320,19 @@ class UserPart:
         """
         given["memory"] = memory
 
-    def arguments_at(self, t: Scalar, state: State, draws: Sequence[Scalar]) -> Given:
+    @property
+    def images(self) -> Images:
+        """Example of the pictures that the model sees."""
+        sees = self.record.sees if self.kind in ("law", "ending") else ()
+        return blank_images(self.scenario, sees)
+
+    def arguments_at(
+        self,
+        t: Scalar,
+        state: State,
+        draws: Sequence[Scalar],
+        images: Images = (),
+    ) -> Given:
         """Arguments of the model's methods at an instant, by the names of its base
         class; functions of what is long.
         """
@@ -328,8 +341,6 @@ class UserPart:
         period = scenario.rates.period
         vehicle = agent.vehicle
         speeds = state.rotor_speeds
-        sees = self.record.sees if self.kind in ("law", "ending") else ()
-        images = blank_images(scenario, sees)
         given: Given = {
             "t": t,
             "state": state,
@@ -467,10 +478,15 @@ class UserPart:
         first = first_state(self.scenario)
 
         def step(
-            moving: Tree, time: Scalars, state: State, draws: Scalars
+            moving: Tree,
+            time: Scalars,
+            state: State,
+            draws: Scalars,
+            images: Images,
         ) -> Mapping[str, Any]:
             # traced numbers refuse a branch, which no machine code has
-            given = self.arguments_at(time[0], state, draws) | {"memory": moving}
+            given = self.arguments_at(time[0], state, draws, images)
+            given["memory"] = moving
             results = {}
             for name, method in CONTRACTS[self.kind].methods.items():
                 if method.pure and method.needed(self.record):
@@ -496,9 +512,11 @@ class UserPart:
                 (0.0,),
                 in_floats(first),
                 (0.5,) * self.uniforms,
+                self.images,
             )
-        except (TypeError, AttributeError, coerce.RecordError) as error:
-            if words := mistake_in(error):
+        except (TypeError, AttributeError, IndexError, coerce.RecordError) as error:
+            seen = self.images if self.kind == "ending" else None
+            if words := mistake_in(error, seen):
                 raise self.refusal(words, place=place_of_error(error)) from error
             raise
 
@@ -525,6 +543,13 @@ def _require_class(part: UserPart) -> None:
         text = getattr(part.record, name, None)
         if not isinstance(text, str):
             raise part.refusal(f"has {name} = {shown(text)}", "must be a text")
+    if part.kind == "ending" and part.record.sees:
+        taken = inspect.signature(part.record.fine).parameters
+        if "images" not in taken:
+            raise part.refusal(
+                f"sees {comma_list(part.record.sees)}, its fine takes no images",
+                "must be fine(self, scenario, state, goal, slack, images=())",
+            )
     count = part.uniforms
     given = getattr(part.record, "uniforms", None)
     if type(count) is not int or not 0 <= count <= MOST_UNIFORMS:
@@ -907,8 +932,8 @@ def check_law(
     Args:
         law: a controller, or its maker, which gets the scenario's model; or a scenario,
             whose law is checked where it is user-defined.
-        scenario: gives model, references and initial state; or the name of a shipped
-            one.
+        scenario: gives model, references, initial state and the cameras that the law
+            sees; or the name of a shipped one.
 
     Raises:
         LawError: one line with the law's file and line.
@@ -924,6 +949,13 @@ def check_law(
             law if isinstance(law, Controller) else call_maker(law, name, model, {})
         )
         check_controller(controller)
+    for name in controller.sees:
+        if name not in flown.agent.cameras:
+            raise wrong(
+                controller,
+                f"sees {name!r}: scenario {flown.name!r} must have this camera; give"
+                " one that has it, skyarm.check_law(law, scenario)",
+            )
     flown = flown.with_controller(controller)
     _try_periods(controller, flown)
     require_shapes(flown)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skyarm.algebra import Vec3
+from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars.philox import normal
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.records.arrays import Array, IntArray, float_array, stack_values
@@ -32,8 +32,8 @@ from skyarm.simulate.drawn_scenario import drawn_scenario
 from skyarm.simulate.draws import sensor_channel
 from skyarm.simulate.loop_state import LoopState
 from skyarm.vehicle import BASE
+from skyarm.vehicle.vehicle_records import body_names
 from skyarm.world.component import by_array
-from skyarm.world.contact.contact_point import body_names
 from skyarm.world.contact.contact_scene import carrier_poses
 from skyarm.world.contact.material import Material
 from skyarm.world.contact.shape_pairs import PlacedShape
@@ -161,10 +161,16 @@ class RangeImage:
                 normals[here] = vectors(solid.skin(places, 0)[1], len(way)) @ R_BO
         return normals
 
-    def points(self) -> Array:
-        """Points (rows, columns, 3) that are seen, m, optical axes; NaN for none."""
+    def points(self, *, world: bool = False) -> Array:
+        """Points (rows, columns, 3) that are seen, m, NaN for none: in optical axes, or
+        in the world.
+        """
         depth = np.where(np.isfinite(self.depth), self.depth, np.nan)
-        return self.directions * depth[..., None]
+        points = self.directions * depth[..., None]
+        if world:
+            R_WO = matrices(Quaternion(*self.quaternion).rotation(), 1)[0]
+            points = points @ R_WO.T + self.position
+        return points
 
 
 class Eyes:
@@ -216,9 +222,10 @@ class Eyes:
                 poses of all that is seen, or a scenario that cannot be restored.
         """
         if others := log.info.get("others"):
+            (own,) = log.agents
             raise ScenarioError(
                 f"sensors: see {', '.join(others)}, too, whose poses are in the log of"
-                " the whole flight alone; take that log's frames"
+                f" the whole flight alone; read its frames('{own}.SENSOR')"
             )
         return cls(drawn_scenario(log))
 

@@ -73,6 +73,10 @@ def rotation_sense(field: str, value: object) -> int:
     return int(sign)
 
 
+BASE_NAME = "base"
+"""Name of the base among the bodies."""
+
+
 @immutable
 class Rotor:
     """Rotor fixed to the base, with thrust and drag torque.
@@ -783,3 +787,20 @@ def require_plant(value: Vehicle) -> None:
                 " plant (a planar inertia is impossible for a real body; such a"
                 " vehicle is a controller's model only)"
             )
+
+
+def body_names(vehicle: Vehicle) -> list[str]:
+    """Names of a vehicle's bodies: base, then the links."""
+    return [BASE_NAME, *(link.name for link in vehicle.moving)]
+
+
+def body_index(vehicle: Vehicle, field: str, name: str) -> int:
+    """Index of the vehicle's body that a field names: BASE, or that of a link.
+
+    Raises:
+        RecordError: the vehicle has no such body.
+    """
+    names = body_names(vehicle)
+    if name not in names:
+        refuse(field, name, must_be_one_of(names, name))
+    return names.index(name) + BASE

@@ -185,10 +185,10 @@ def vehicle_from(
         replace(bodies, drives={k: v for k, v in bodies.drives.items() if k in open_to})
     )
     drives = [*(each for each in drives if each.name in open_to), *own_drives, *stated]
-    tables = [link["joint"] for link in top.table.get("links", ()) if "joint" in link]
+    jointed = [link["joint"] for link in top.table.get("links", ()) if "joint" in link]
 
     def stating(field: str) -> set[str]:
-        described = {table.get("name") for table in tables if field in table}
+        described = {table.get("name") for table in jointed if field in table}
         return described | {
             joint for joint, values in changes.items() if field in values
         }

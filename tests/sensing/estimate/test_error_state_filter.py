@@ -559,13 +559,12 @@ def test_the_modelled_force_has_the_stops_of_the_joints():
     np.testing.assert_allclose(tuple(found), tuple(wanted.linear), rtol=1e-9, atol=1e-9)
 
 
-def test_of_several_poses_between_two_inertial_readings_one_is_used():
-    """Poses each period: 97 by the end of 0.5 s, of which an inertial unit at half the
-    rate leaves every second.
+def test_poses_between_two_inertial_readings_are_refused():
+    """The filter corrects at readings of the inertial unit: those between would correct
+    the state of another instant.
     """
     every = {"sensors__mocap__frequency": 0.0}
-    each, half = (
-        flown(estimated(**every), 0.5),
-        flown(estimated(**every, sensors__imu__frequency=100.0), 0.5),
-    )
-    assert (each.taken + each.refused, half.taken + half.refused) == (97.0, 48.0)
+    taken = flown(estimated(**every), 0.5)
+    assert taken.taken + taken.refused == 97.0
+    with pytest.raises(skyarm.ScenarioError, match="must divide that of"):
+        estimated(**every, sensors__imu__frequency=100.0)

@@ -145,6 +145,36 @@ def test_a_fast_plate_just_above_the_ground_bounces_with_its_energy(speed):
     )
 
 
+@pytest.mark.parametrize(
+    ("mass", "moment", "size", "tilt", "height", "dissipation"),
+    [
+        # half a push at the speed before it used to throw the rim back, each step
+        (0.25, 5.8e-4, (0.25, 0.1), 0.02, -5e-4, 30.0),
+        # steps for 20 g behind the rim, which has 1 g, gain four times as much
+        (0.03, 1.4e-5, (0.1, 0.02), 0.2, 0.02, 0.0),
+    ],
+)
+def test_a_wide_guard_on_a_light_vehicle_gains_no_energy(
+    mass, moment, size, tilt, height, dissipation
+):
+    moments = Vec3(moment, moment, 2.0 * moment)
+    vehicle = solid(shape("cylinder", size), mass=mass, moments=moments)
+    lowest = size[0] * math.sin(tilt) + 0.5 * size[1] * math.cos(tilt)
+    turned = Quaternion(math.cos(0.5 * tilt), math.sin(0.5 * tilt), 0.0, 0.0)
+    start = at_rest(vehicle, (0.0, 0.0, lowest + height), quaternion=turned)
+    material = Material(friction=0.0, dissipation=dissipation)
+    flight = flown(vehicle, start, (Surface(name="ground", material=material),), 0.2)
+    energy = np.array(
+        [
+            0.5 * float(each.rate.dot(moments.hadamard(each.rate)))
+            + 0.5 * mass * float(each.velocity.dot(each.velocity))
+            + mass * GRAVITY * float(each.position.z)
+            for each in flight
+        ]
+    )
+    assert energy.max() - energy[0] < 1e-4 * mass * GRAVITY * 0.1
+
+
 def test_two_spheres_part_with_the_momentum_that_they_bring():
     vehicle = solid(shape("sphere", (0.1,)))
     ball = FreeObject(

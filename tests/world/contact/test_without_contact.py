@@ -16,12 +16,15 @@ import skyarm
 
 MADE_OF_CONTACT = (
     "skyarm.planning",
+    "skyarm.plant.mujoco_geoms",
+    "skyarm.sensing.cameras.ray",
+    "skyarm.simulate.eyes",
     "skyarm.world.team",
     "skyarm.view.figures.plan_figure",
     "skyarm.studies.assess.plan_page",
 )
 """Modules that may need it: a plan flies around surfaces and presses on them, a team
-holds its body by grasps."""
+holds its body by grasps, a camera sees the shapes that touch."""
 
 PROGRAM = """
 import dataclasses, importlib, pkgutil, sys

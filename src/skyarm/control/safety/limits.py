@@ -61,9 +61,10 @@ def law_stiffness(controller: Controller) -> tuple[float, float]:
 
     A law that cannot be traced is taken for a usual one: a predictive one spreads its
     answer over its horizon, so that its first command says little about its stiffness,
-    and each first memory may cost it seconds.
+    and each first memory may cost it seconds. So is one that sees: its answer depends
+    on pictures, which hover alone does not give.
     """
-    if not controller.compiled:
+    if not controller.compiled or controller.sees:
         return USUAL
     still = _thrust(controller, 0.0, 0.0)
     mass = float(controller.par.model.vehicle.mass)

@@ -29,7 +29,7 @@ from skyarm.sensing.sensor import Sensor
 from skyarm.sensing.sensor_kinds import mount_rotation
 from skyarm.vehicle import Vehicle
 from skyarm.vehicle.check import FARTHEST
-from skyarm.world.contact.contact_point import BASE_NAME, body_index
+from skyarm.vehicle.vehicle_records import BASE_NAME, body_index
 
 OPTICAL = Mat3.from_numbers(((0, 0, 1), (-1, 0, 0), (0, -1, 0)))
 """Rotation from optical axes to those of the mount."""
@@ -102,7 +102,12 @@ class RaySensor(Sensor):
         float, positive("Hz", "pictures a second; divides the control rate", fixed=True)
     ] = 10.0
     latency: Annotated[
-        float, nonnegative("s", "age of a picture when it arrives", fixed=True)
+        float,
+        nonnegative(
+            "s",
+            "age of a picture when it arrives, whole control periods",
+            fixed=True,
+        ),
     ] = 0.0
     nearest: Annotated[
         float, nonnegative("m", "least range; what is nearer reads -inf", fixed=True)
@@ -111,7 +116,8 @@ class RaySensor(Sensor):
         float, positive("m", "largest range; what is farther reads inf", fixed=True)
     ] = 10.0
     noise: Annotated[
-        DepthNoise, Unit("", "white noise of the depth, by its quadratic")
+        DepthNoise,
+        Unit("", "white noise, deviation constant + quadratic (depth - offset)^2"),
     ] = DepthNoise()
     grazing: Annotated[
         float,

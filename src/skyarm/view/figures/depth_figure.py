@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import SubFigure
 
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.simulate.drawn_scenario import drawn_scenario
-from skyarm.simulate.eyes import Eyes, RangeImage
 from skyarm.view.figures.flight_facts import Named, Span
 from skyarm.view.figures.style import PAPER, Picture
+
+if TYPE_CHECKING:
+    from skyarm.simulate.eyes import Eyes, RangeImage
 
 INSTANTS = 4
 """Largest number of pictures of a camera, from the first to the last."""
@@ -38,6 +41,9 @@ def depth_figure(flights: Named, span: Span) -> Picture:
     Raises:
         ValueError: one line: no camera, or none with a picture within the interval.
     """
+    # made of contact, which other figures do without
+    from skyarm.simulate.eyes import Eyes
+
     found = list[tuple[str, list[RangeImage]]]()
     for label, log in flights.items():
         eyes, own = Eyes.of_log(log), f"{label}: " * (len(flights) > 1)

@@ -20,7 +20,7 @@ from skyarm.records.immutable import positional
 from skyarm.scenario.payload_tables import scheduled_changes
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.drawn_scenario import drawn_scenario
-from skyarm.world.contact.contact_point import body_names
+from skyarm.vehicle.vehicle_records import body_names
 
 MOST_PATHS = 3
 """Number of changed paths that the legend names; for more it gives their number."""

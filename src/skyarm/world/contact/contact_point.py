@@ -11,34 +11,15 @@ from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import maximum, sqrt
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records import coerce
-from skyarm.records.coerce import RecordError, absent, concrete, fold_zeros, refuse
+from skyarm.records.coerce import RecordError, absent, concrete, fold_zeros
 from skyarm.records.field_rules import accept_fields, checked
-from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.files import shown
 from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle import BASE, Vehicle
+from skyarm.vehicle.vehicle_records import body_index
 from skyarm.world.component import Wrench
 from skyarm.world.contact.material import Material
-
-BASE_NAME = "base"
-
-
-def body_names(vehicle: Vehicle) -> list[str]:
-    """Names of a vehicle's bodies: base, then the links."""
-    return [BASE_NAME, *(link.name for link in vehicle.moving)]
-
-
-def body_index(vehicle: Vehicle, field: str, name: str) -> int:
-    """Index of the vehicle's body that a field names: BASE, or that of a link.
-
-    Raises:
-        RecordError: the vehicle has no such body.
-    """
-    names = body_names(vehicle)
-    if name not in names:
-        refuse(field, name, must_be_one_of(names, name))
-    return names.index(name) + BASE
-
 
 MOST = 64
 """Largest number of points of a ring; each costs as much as any other contact point."""

@@ -77,8 +77,11 @@ class ContactSteps(TouchingBodies):
         # without points the vehicle touches nothing, so only movable bodies count
         bodies = bool(self.points or self.vehicle_bodies)
         touched = self.surfaces if bodies or not carriers else ()
+        masses = [each.mass for each in self.vehicle_bodies]
+        mass: Scalar = LIGHTEST
+        mass = reduce(minimum, masses, mass)
         own = [
-            (f"the material of surface {each.name!r}", each.material.largest_step)
+            (f"the material of surface {each.name!r}", each.material.step_of(mass))
             for each in touched
         ]
         inner = [
@@ -88,9 +91,9 @@ class ContactSteps(TouchingBodies):
         ]
         return (
             *own,
-            *steps_of_carriers(carriers, self.surfaces, points=bodies),
+            *steps_of_carriers(carriers, self.surfaces, mass if bodies else None),
             *(
-                [("world.vehicle_material", self.vehicle_material.largest_step)]
+                [("world.vehicle_material", self.vehicle_material.step_of(mass))]
                 if any(each.other == "body" for each in self.body_pairs)
                 else []
             ),
@@ -317,7 +320,7 @@ def _verlet(step: Scalar | None) -> Scalar | None:
 
 
 def steps_of_carriers(
-    carriers: Sequence[AnyCarrier], surfaces: Sequence[Surface], *, points: bool
+    carriers: Sequence[AnyCarrier], surfaces: Sequence[Surface], least: Scalar | None
 ) -> Iterator[tuple[str, Scalar]]:
     """Longest stable integration step (s) of each kind of contact pair with a movable
     body.
@@ -325,7 +328,7 @@ def steps_of_carriers(
     Args:
         carriers: movable bodies.
         surfaces: surfaces of the world.
-        points: whether the vehicle has points that may touch them.
+        least: mass (kg) of the vehicle where it may touch them; None if it may not.
     """
     masses = [1.0 / each.mobility for each in carriers]
     for i, carrier in enumerate(carriers):
@@ -337,11 +340,11 @@ def steps_of_carriers(
         what = f"the mass of {carrier.name!r}"
         share = carrier.step_share
         for surface in carrier.surfaces:
-            if points:
+            if least is not None:
                 # two bodies swing at their contact as their reduced mass does
                 yield (
                     what,
-                    share * surface.material.step_of(reduced_mass(masses[i], LIGHTEST)),
+                    share * surface.material.step_of(reduced_mass(masses[i], least)),
                 )
             for mass, other in others:
                 yield (

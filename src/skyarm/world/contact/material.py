@@ -160,7 +160,11 @@ class Material:
         return minimum(sqrt(mass) / fastest, LONGEST)
 
     def normal_force(
-        self, depth: Scalar, depth_rate: Scalar, step: Scalar | None = None
+        self,
+        depth: Scalar,
+        depth_rate: Scalar,
+        step: Scalar | None = None,
+        most: Scalar | None = None,
     ) -> Scalar:
         """Normal contact force (N) from the penetration and its rate, by the
         Hunt-Crossley law.
@@ -170,14 +174,19 @@ class Material:
             depth_rate: m/s.
             step: s, that the penetration is a mean over; of a contact with the vehicle
                 if left out.
+            most: largest damping, N s/m; that of the dissipation if left out.
         """
         way = absolute(depth_rate) * (self.largest_step if step is None else step)
         half = 0.5 * way + depth
         mean = where(
             depth + depth > way, depth, divide(half * half, way + way + _STILL)
         )
+        force = self.stiffness * mean
+        lost: Scalar = self.dissipation
+        if most is not None:
+            lost = minimum(lost, divide(most, force + _STILL))
         # a fast retreat would pull: the clamp below keeps it at 0
-        force = self.stiffness * mean * (1.0 + self.dissipation * depth_rate)
+        force = force * (1.0 + lost * depth_rate)
         return where(half > 0.0, maximum(force, 0.0), 0.0)
 
     def bristle_rate(

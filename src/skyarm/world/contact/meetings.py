@@ -20,8 +20,10 @@ from skyarm.algebra.scalars import (
     logical_not,
     logical_or,
     maximum,
+    minimum,
     neg,
     sqrt,
+    where,
 )
 from skyarm.compile.tracing.lower import compute_where
 from skyarm.dynamics.point_motion import PointMotion
@@ -67,6 +69,12 @@ from skyarm.world.contact.vehicle_bodies import (
 NEAR, SWIFT = 0.005, 400.0
 """Least distance (m) between a point and a surface during longer steps, and largest
 acceleration (m/s^2) of the point meanwhile; both give the same distance in 5 ms."""
+
+DAMPED = 0.25
+"""Largest product of damping and step over the mass for which steps are chosen, of a
+body lighter than ``LIGHTEST``: half over the mass that it may have. With 2 half of a
+push throws it back, and the whole push finds no force; shapes may touch at four places
+at once."""
 
 Result = TypeVar("Result")
 
@@ -423,7 +431,12 @@ class TouchingBodies(Force[ContactMemory]):
         bristles = memory.bristles[self.meeting_count :]
         records = list[Record]()
         for pair, bristle in zip(pairs, bristles, strict=True):
-            mass: Scalar = LIGHTEST
+            mass = self.vehicle_bodies[pair.body].mass
+            if pair.other == "body":
+                beside = self.vehicle_bodies[pair.index].mass
+                light = minimum(mass, beside) < LIGHTEST
+                mass = where(light, reduced_mass(mass, beside), LIGHTEST)
+            most = where(mass < LIGHTEST, divide(mass * DAMPED, step), 1e12)
             mean: Scalar = step
             if pair.other == "surface":
                 surface = self.surfaces[pair.index]
@@ -432,10 +445,10 @@ class TouchingBodies(Force[ContactMemory]):
                 mean = surface.material.largest_step if motion.step is None else step
             elif pair.other == "carrier":
                 other = carried[pair.index]
-                mass = reduced_mass(1.0 / self.carriers[pair.index].mobility, LIGHTEST)
+                mass = reduced_mass(1.0 / self.carriers[pair.index].mobility, mass)
             else:
                 other = sides[pair.index]
-            records.append((sides[pair.body], other, bristle, step, mean, mass))
+            records.append((sides[pair.body], other, bristle, step, (mean, most), mass))
         return records
 
     def places_at_rest(
@@ -449,7 +462,7 @@ class TouchingBodies(Force[ContactMemory]):
             # what is far away has no places to look for
             if pair.other != "surface" or not touch_of_bodies(record).normal > 0.0:
                 continue
-            a, b, _, step, mean, mass = record
+            a, b, _, step, (mean, _), mass = record
             surface = self.surfaces[pair.index]
             for one in a.parts:
                 for place, depth, normal in places(

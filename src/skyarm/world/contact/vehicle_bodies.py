@@ -13,25 +13,33 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import reduce
 from itertools import combinations
 
-from skyarm.algebra import ZERO3, Mat3, Scalar, Vec3
-from skyarm.algebra.scalars import absolute, divide, logical_or, maximum, sqrt, where
+from skyarm.algebra import ZERO3, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra.scalars import (
+    absolute,
+    divide,
+    logical_or,
+    maximum,
+    minimum,
+    sqrt,
+    where,
+)
 from skyarm.compile.tracing.lower import compiled_once
 from skyarm.dynamics.kinematics import every_rate
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.records.immutable import field_if_any, immutable, positional
+from skyarm.records.immutable import UNWRITTEN, field_if_any, immutable, positional
 from skyarm.records.leaves import as_data
 from skyarm.vehicle import BASE, Joint, Vehicle
 from skyarm.vehicle.description import rpy_of
-from skyarm.vehicle.vehicle_records import Collision
+from skyarm.vehicle.vehicle_records import Collision, body_names
 from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame
-from skyarm.world.contact.contact_point import body_axes, body_names
+from skyarm.world.contact.contact_point import body_axes
 from skyarm.world.contact.grasp import Grasp
 from skyarm.world.contact.gripper import Gripper
-from skyarm.world.contact.material import RECOVERY, Material
+from skyarm.world.contact.material import LIGHTEST, RECOVERY, Material
 from skyarm.world.contact.shape_pairs import PlacedShape, places
 from skyarm.world.contact.surface import Surface
 
@@ -55,6 +63,7 @@ class VehicleBody:
         shapes: indices of its shapes among the vehicle's.
         holds: names of movable bodies that grasps at its frames hold; an empty one if a
             gripper is there, which may take any.
+        mass: for which steps of its contacts are chosen, kg (:func:`mass_of`).
     """
 
     agent: str
@@ -63,6 +72,7 @@ class VehicleBody:
     parent: int
     shapes: tuple[int, ...]
     holds: tuple[str, ...] = field_if_any(default=())
+    mass: Scalar = field(default=LIGHTEST, metadata={UNWRITTEN: LIGHTEST})
 
     def frame(self, motion: PointMotion) -> CarriedFrame:
         """Pose and velocity of the body's axes."""
@@ -111,9 +121,10 @@ class Side:
     parts: tuple[Part, ...]
 
 
-Record = tuple[Side, Side, Vec3, Scalar, Scalar, Scalar]
+Record = tuple[Side, Side, Vec3, Scalar, Scalars, Scalar]
 """Two bodies, deflection of their bristle (m), longest step of the contact (s), time
-(s) over whose way the penetration is a mean, and least mass (kg) that they move."""
+(s) over whose way the penetration is a mean with largest damping (N s/m) of a place,
+and least mass (kg) that they move."""
 
 
 @positional
@@ -186,9 +197,31 @@ def bodies_of(
                         if each.agent in ("", agent)
                         and links.get(each.frame or vehicle.end_effector) == body
                     ),
+                    mass=mass_of(vehicle) if body == BASE else LIGHTEST,
                 )
             )
     return tuple(found)
+
+
+HALF = 2.0
+"""Mass for which steps are chosen over the least that they bear."""
+
+
+def mass_of(vehicle: Vehicle) -> Scalar:
+    """Mass (kg) for which steps of contacts of a base's shapes are chosen.
+
+    It is twice the effective mass 1 / (1 / m + r^2 / I) of their farthest place, where
+    I is the smaller moment of roll and pitch, and at most ``LIGHTEST``. Links only add
+    to it.
+    """
+    base = vehicle.base
+    shapes = [part_of_vehicle(e, Material()) for e in vehicle.shapes if e.link == BASE]
+    reach = reduce(maximum, [each.reach for each in shapes])
+    moment = minimum(base.inertia.xx, base.inertia.yy)
+    mobility = divide(1.0, base.mass) + divide(reach * reach, moment)
+    mass = minimum(divide(HALF, mobility), LIGHTEST)
+    # what links add to a base without inertia is not known
+    return where(mass > 0.0, mass, LIGHTEST)
 
 
 def pairs_of(
@@ -397,9 +430,10 @@ class Press:
 NO_PRESS = Press(0.0, _NOTHING, 0.0, _NOTHING, _NOTHING, -1e9, 0.0)
 """No forces of shapes far away."""
 
-Shapes = tuple[Press, Part, Part, CarriedFrame, CarriedFrame, Scalar, Scalar]
+Shapes = tuple[Press, Part, Part, CarriedFrame, CarriedFrame, Scalars, Scalar]
 """Sum over the shapes before, two shapes, motions of their bodies, time (s) over whose
-way the penetration is a mean, and square (m^2/s^2) of the bodies' largest speed."""
+way the penetration is a mean with largest damping (N s/m) of a place, and square
+(m^2/s^2) of the bodies' largest speed."""
 
 
 def _press(record: Shapes) -> Press:
@@ -411,7 +445,7 @@ def _press(record: Shapes) -> Press:
     square: Scalar = 0.0
     for place, deep, normal in places(one.in_world(a), other.in_world(b)):
         slip = a.velocity_at(place) - b.velocity_at(place)
-        pressing = other.shape.material.normal_force(deep, -slip.dot(normal), mean)
+        pressing = other.shape.material.normal_force(deep, -slip.dot(normal), *mean)
         lever = place - a.position
         vector = normal * pressing
         force, push = force + pressing, push + vector
@@ -426,12 +460,12 @@ def _press(record: Shapes) -> Press:
     return Press(force, moment, second, push, torque, depth, square)
 
 
-def _press_of_shapes(record: tuple[Side, Side, Scalar, Scalar]) -> Press:
+def _press_of_shapes(record: tuple[Side, Side, Scalars, Scalar]) -> Press:
     """Normal forces of all shapes of two bodies.
 
     Of shapes whose balls are apart only the distance of these counts. With the bodies
-    come the time (s) over whose way the penetration is a mean, and the square
-    (m^2/s^2) of their largest speed.
+    come the time (s) over whose way the penetration is a mean, the largest damping
+    (N s/m) of a place, and the square (m^2/s^2) of their largest speed.
     """
     a, b, mean, fastest = record
     total = NO_PRESS
