@@ -44,7 +44,7 @@ def depth_figure(flights: Named, span: Span) -> Picture:
     # made of contact, which other figures do without
     from skyarm.simulate.eyes import Eyes
 
-    found = list[tuple[str, list[RangeImage]]]()
+    found: list[tuple[str, list[RangeImage]]] = []
     for label, log in flights.items():
         eyes, own = Eyes.of_log(log), f"{label}: " * (len(flights) > 1)
         found += [(own + name, _pictures(eyes, name, log, span)) for name in eyes.names]
