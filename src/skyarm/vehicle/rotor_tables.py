@@ -110,13 +110,14 @@ def read_rotor_tables(top: Fields, tilting: bool = False) -> RotorTables:
 
 
 def _with_shields(
-    rotors: Sequence[Rotor], tables: RotorTables
+    rotors: Sequence[Rotor], tables: RotorTables, stated: Sequence[StatedRotor]
 ) -> tuple[tuple[Rotor, ...], RotorTables]:
     """Rotors of an airframe with the shields of ``[[rotors]]`` of their names, and the
     other tables.
 
     Raises:
-        VehicleError: such a table changes more than the shield.
+        VehicleError: such a table changes more than the shield, or defaults complete
+            neither another table nor a rotor that a file states.
     """
     own = dict(tables.own)
     shields = {each.name: own.pop(each.name) for each in rotors if each.name in own}
@@ -124,6 +125,9 @@ def _with_shields(
         if [*values] != ["shield"]:
             allowed = "must be shield alone, for the airframe states the rest"
             refuse(f"rotors[{name}]", sorted(values), allowed)
+    if rotors and tables.usual and not (own or stated):
+        allowed = "must be left out: the rotors of the airframe are whole"
+        refuse("rotor_defaults", ", ".join(tables.usual), allowed)
     fitted = [replace(each, **shields.get(each.name, {})) for each in rotors]
     left = {name: each for name, each in tables.tables.items() if name in own}
     return tuple(fitted), replace(tables, own=own, tables=left)
@@ -176,7 +180,7 @@ def mount_rotors(
         VehicleError: a number is missing where the tables speak of rotors, or a rotor
             rides on a link that moves.
     """
-    carried, tables = _with_shields(carried, tables)
+    carried, tables = _with_shields(carried, tables, bodies.rotors)
     stated = {each.name: _at_mass(bodies, each) for each in bodies.rotors}
     # a mistyped name must not silently turn completed rotors into a whole set of new
     # ones

@@ -17,6 +17,7 @@ from typing import Annotated, Any, Literal
 from skyarm.algebra import E_Z, ZERO3, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add, divide, mul, neg, where
 from skyarm.records.coerce import (
+    RecordError,
     concrete,
     number,
     pairs,
@@ -28,7 +29,7 @@ from skyarm.records.coerce import (
 )
 from skyarm.records.content import keep_content
 from skyarm.records.field_rules import accept_fields, checked
-from skyarm.records.files import must_be_one_of
+from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import UNWRITTEN, derived_field, field_if_any, immutable
 from skyarm.records.leaves import Place, field_names
 from skyarm.records.notebook import notebook_html
@@ -802,5 +803,6 @@ def body_index(vehicle: Vehicle, field: str, name: str) -> int:
     """
     names = body_names(vehicle)
     if name not in names:
-        refuse(field, name, must_be_one_of(names, name))
+        # of the record that has the field, not of the vehicle's file
+        raise RecordError(f"{field} = {shown(name)}: {must_be_one_of(names, name)}")
     return names.index(name) + BASE

@@ -162,6 +162,11 @@ def test_a_vehicle_file_puts_a_shield_on_a_rotor_of_its_airframe(tmp_path):
         VehicleError, match=r"rotors\[left\] = .*: must be shield alone"
     ):
         load_vehicle(path)
+    # not lost in silence: defaults complete no rotor of an airframe
+    head = head.replace("[[rotors]]", "[rotor_defaults]")
+    path.write_text(head + "shield = [0.2, 0.05]\n")
+    with pytest.raises(VehicleError, match="rotor_defaults = 'shield': must be left"):
+        load_vehicle(path)
 
 
 @pytest.mark.parametrize(

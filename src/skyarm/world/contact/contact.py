@@ -174,7 +174,11 @@ class Contact(ContactSteps):
         grasp: it is where the body is.
         """
         bodies = bodies_of(vehicles, (*self.grippers, *self.grasps))
-        if bodies != self.vehicle_bodies:
+        masses, own = (
+            [each.mass for each in some] for some in (bodies, self.vehicle_bodies)
+        )
+        # numbers of a batch may vary the masses, whose steps stay those of the scenario
+        if bodies != self.vehicle_bodies or (concrete(*masses) and masses != own):
             return replace(self, vehicle_bodies=bodies).on(vehicles)
         # an empty name is that of the only vehicle
         holding = [each.agent or next(iter(vehicles)) for each in self.grasps]

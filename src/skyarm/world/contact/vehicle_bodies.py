@@ -72,7 +72,9 @@ class VehicleBody:
     parent: int
     shapes: tuple[int, ...]
     holds: tuple[str, ...] = field_if_any(default=())
-    mass: Scalar = field(default=LIGHTEST, metadata={UNWRITTEN: LIGHTEST})
+    mass: Scalar = field(
+        default=LIGHTEST, compare=False, metadata={UNWRITTEN: LIGHTEST}
+    )
 
     def frame(self, motion: PointMotion) -> CarriedFrame:
         """Pose and velocity of the body's axes."""
