@@ -55,7 +55,7 @@ def film(
     out: Annotated[
         str | None,
         out_option(
-            "the film's file: .mp4 or .webp; .viser or .html (with its player) for a recording",
+            "the film's file: .mp4 or .webp; .viser or .html for a 3-D recording",
             metavar="FILE",
         ),
     ] = None,
@@ -117,7 +117,7 @@ def film(
         ),
     ] = False,
 ) -> None:
-    """Film flights: MP4, WebP, or a 3-D recording that plays in a browser."""
+    """Film flights; MP4, WebP, or a 3-D recording."""
     # the last word is the film's file unless --out names it
     *flights, file = [*flights, *([] if out is None else [out])]
     if not flights:
