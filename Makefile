@@ -122,6 +122,8 @@ films: $(VENV)/.thorough
 	$(BIN)/python -m skyarm film examples/pick_and_place_box.toml docs/images/pick_and_carry.webp $(SMALL)
 	$(BIN)/python -m skyarm film examples/reach_into_box.toml docs/images/reach_into_box.webp $(SMALL)
 	$(BIN)/python -m skyarm film examples/pick_with_fingers.toml docs/images/pick_with_fingers.webp $(SMALL)
+	$(BIN)/python -m skyarm film examples/see_with_the_wrist.toml docs/images/see_with_the_wrist.webp --inset wrist \
+		--size 400x560 --fps 10 --fine --without plot,ghost
 	$(BIN)/python -m skyarm film open_door docs/images/open_door.webp $(SMALL)
 	$(BIN)/python -m skyarm film two_carry_a_bar docs/images/two_carry_a_bar.webp --size 800x450 --fps 10 --speed 4 \
 		--fine --without ghost --camera fixed
