@@ -167,6 +167,7 @@ def on_torques(law: str) -> Scenario:
     )
 
 
+@pytest.mark.filterwarnings("ignore:.*flies .* with its defaults")
 @pytest.mark.parametrize("law", sampled(tuple(LAWS), 40, keep=("centroidal", "indi")))
 def test_every_law_flies_servo_joints_nearly_as_torque_joints(law):
     if law in OF_THE_PAPERS_VEHICLE:

@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import FrozenInstanceError, replace
 from enum import Enum
 from functools import partial
+from traceback import extract_tb
 from typing import Any
 
 import numpy as np
@@ -293,7 +294,9 @@ def mistake_in(error: Exception, images: Sequence[Image] | None = None) -> str |
     if isinstance(error, RecordError):
         return f"makes a record that cannot be: {text}"
     if isinstance(error, IndexError):
-        if images is None or not text.startswith("tuple"):
+        lines = [each.line or "" for each in extract_tb(error.__traceback__)]
+        # a tuple of joints or rotors may be left as well, which no camera cures
+        if images is None or not any("image" in line for line in lines[-1:]):
             return None
         seen = [f"{each.sensor!r}, {len(each.depth)} pixels" for each in images]
         there = "; ".join(seen) or 'none, must state sees = ["SENSOR"]'
