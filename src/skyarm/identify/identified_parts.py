@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import copy
+import re
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import fields
 from itertools import accumulate
 from typing import Any, TypeVar
 
@@ -14,7 +15,7 @@ from skyarm.algebra import Scalar, Sym3, Vec3
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.identify.unknowns import DRAG_HEIGHT, KNOTS, rises_of_thrust, second_moments
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import rebuild
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.vehicle import Body, BodyDrag, Joint, Link, MountedDrive, Rotor, Vehicle
 from skyarm.vehicle.thrust_table import ThrustTable
 
@@ -34,6 +35,12 @@ FRICTIONS = ("damping", "coulomb", "coulomb_rate", "armature")
 
 OF_SERVOS = ("stiffness", "damping", "integral", "latency", "speed_limit")
 """Parameters of a joint's position servo that may be identified."""
+
+LEAST_0 = re.compile(
+    r"rotors\.(inertia|drag_coefficient)|drag\.area\..|.+\.(latency|joint\.(damping|coulomb))"
+)
+"""Pattern of parameters that no vehicle has below 0, where noise may put them in a
+search without bounds."""
 
 
 @immutable
@@ -87,46 +94,39 @@ def vehicle_with(
     Raises:
         ValueError: one line, if checked: no vehicle has such numbers.
     """
-    rotors = tuple(
-        _rotor(start.rotors[0], each, numbers, checked) for each in start.rotors
-    )
-    links = tuple(_link(each, numbers, checked) for each in start.links)
-    drives = tuple(_drive(each, numbers, checked) for each in start.drives)
+    if checked:
+        numbers = {
+            name: max(value, 0.0) if LEAST_0.fullmatch(name) else value
+            for name, value in numbers.items()
+        }
+    links = tuple(_link(each, numbers) for each in start.links)
     # flights show forces per mass only, so that the base bears what the links change
     mass = start.base.mass
     for now, before in zip(links, start.links, strict=True):
         mass = mass - (now.body.mass - float(before.body.mass))
-    base = with_changes(
-        start.base,
-        checked,
-        mass=mass,
-        com=Vec3(
-            *(
-                numbers.get(f"base.com.{axis}", getattr(start.base.com, axis))
-                for axis in "xyz"
-            )
+    inertia = _inertia(start.base, numbers)
+    made = start.with_checked(
+        base=with_changes(
+            start.base,
+            mass=mass,
+            com=_vector("base.com", start.base.com, numbers),
+            inertia=of_a_body(inertia) if checked else inertia,
         ),
-        inertia=(
-            of_a_body(_inertia(start.base, numbers))
-            if checked
-            else _inertia(start.base, numbers)
+        rotors=tuple(_rotor(start.rotors[0], each, numbers) for each in start.rotors),
+        links=links,
+        drag=with_changes(
+            start.drag, area=_vector("drag.area", start.drag.area, numbers)
         ),
+        drives=tuple(_drive(each, numbers) for each in start.drives),
     )
-    areas = [
-        numbers.get(f"drag.area.{axis}", getattr(start.drag.area, axis))
-        for axis in "xyz"
-    ]
-    drag = with_changes(
-        start.drag,
-        checked,
-        area=Vec3(*(max(area, 0.0) if checked else area for area in areas)),
-    )
-    if checked:
-        return replace(
-            start, base=base, rotors=rotors, links=links, drag=drag, drives=drives
-        )
-    return start.with_checked(
-        base=base, rotors=rotors, links=links, drag=drag, drives=drives
+    # a record that is made anew checks its numbers
+    return rebuild(made, iter(leaves(made))) if checked else made
+
+
+def _vector(name: str, usual: Vec3, numbers: Mapping[str, Scalar]) -> Vec3:
+    """Vector whose components are identified, or as usual."""
+    return Vec3(
+        *(numbers.get(f"{name}.{axis}", getattr(usual, axis)) for axis in "xyz")
     )
 
 
@@ -159,21 +159,17 @@ def of_a_body(inertia: Sym3) -> Sym3:
     )
 
 
-def with_changes(record: R, checked: bool, **changes: Any) -> R:
-    """Copy of a dataclass record with changed fields, with or without validation of the
-    new values.
+def with_changes(record: R, **changes: Any) -> R:
+    """Copy of a dataclass record with changed fields, whose values are not checked: a
+    search passes through what no vehicle is.
     """
-    if checked:
-        return replace(record, **changes)
     changed = copy.copy(record)  # which runs no checks
     for name, value in changes.items():
         object.__setattr__(changed, name, value)
     return changed
 
 
-def _rotor(
-    first: Rotor, rotor: Rotor, numbers: Mapping[str, Scalar], checked: bool
-) -> Rotor:
+def _rotor(first: Rotor, rotor: Rotor, numbers: Mapping[str, Scalar]) -> Rotor:
     """Rotor with identified parameters: those of the first rotor, scaled by the
     original ratio of the two rotors.
     """
@@ -187,36 +183,25 @@ def _rotor(
             )
     for name in ("inertia", "drag_coefficient"):
         if f"rotors.{name}" in numbers:
-            # noise may put inertia and drag below 0, where no rotor is
-            changes[name] = (
-                max(numbers[f"rotors.{name}"], 0.0)
-                if checked
-                else numbers[f"rotors.{name}"]
-            )
+            changes[name] = numbers[f"rotors.{name}"]
     if DRAG_HEIGHT in numbers:
         x, y, z = rotor.position
         changes["position"] = Vec3(x, y, z + numbers[DRAG_HEIGHT])
     table = _table(first, numbers)
     if table is not None:
         changes |= {"table": table, "thrust_coefficient": table.thrust_coefficient}
-    return with_changes(rotor, checked, **changes)
+    return with_changes(rotor, **changes)
 
 
-def _link(link: Link, numbers: Mapping[str, Scalar], checked: bool) -> Link:
+def _link(link: Link, numbers: Mapping[str, Scalar]) -> Link:
     """Link with identified parameters."""
     name, body = f"links.{link.name}", link.body
     # one factor on all moments, as the shape of a link is that of its drawing
     scale = numbers.get(f"{name}.inertia", 1.0)
     moved = with_changes(
         body,
-        checked,
         mass=numbers.get(f"{name}.mass", body.mass),
-        com=Vec3(
-            *(
-                numbers.get(f"{name}.com.{axis}", getattr(body.com, axis))
-                for axis in "xyz"
-            )
-        ),
+        com=_vector(f"{name}.com", body.com, numbers),
         inertia=Sym3(
             *(getattr(body.inertia, each.name) * scale for each in fields(Sym3))
         ),
@@ -224,21 +209,10 @@ def _link(link: Link, numbers: Mapping[str, Scalar], checked: bool) -> Link:
     frictions = {
         k: numbers[at] for k in FRICTIONS if (at := f"{name}.joint.{k}") in numbers
     }
-    if checked:
-        # a search without bounds may end below 0, which no friction has
-        frictions |= {
-            name: max(frictions[name], 0.0)
-            for name in ("damping", "coulomb")
-            if name in frictions
-        }
-    return with_changes(
-        link, checked, body=moved, joint=with_changes(link.joint, checked, **frictions)
-    )
+    return with_changes(link, body=moved, joint=with_changes(link.joint, **frictions))
 
 
-def _drive(
-    mounted: MountedDrive, numbers: Mapping[str, Scalar], checked: bool
-) -> MountedDrive:
+def _drive(mounted: MountedDrive, numbers: Mapping[str, Scalar]) -> MountedDrive:
     """Joint drive with identified parameters."""
     changes = {
         k: numbers[at]
@@ -247,14 +221,7 @@ def _drive(
     }
     if not changes or not isinstance(mounted.drive, PositionServo):
         return mounted
-    # a search may try a time below 0, which no record takes
-    if checked:
-        changes["latency"] = max(
-            changes.get("latency", float(mounted.drive.latency)), 0.0
-        )
-    return with_changes(
-        mounted, checked, drive=with_changes(mounted.drive, checked, **changes)
-    )
+    return with_changes(mounted, drive=with_changes(mounted.drive, **changes))
 
 
 def _table(first: Rotor, numbers: Mapping[str, Scalar]) -> ThrustTable | None:

@@ -109,7 +109,7 @@ def with_heavy_joints(vehicle: Vehicle) -> Vehicle:
         "stop_stiffness": 0,
     }
     links = [
-        with_changes(each, False, joint=with_changes(each.joint, False, **free))
+        with_changes(each, joint=with_changes(each.joint, **free))
         for each in vehicle.links
     ]
     return vehicle.with_checked(links=tuple(links), drives=())
@@ -320,7 +320,7 @@ class WindowErrors:
                 for i, turns in enumerate(servoed)
             ]
             drives = (
-                TORQUE_DRIVE if each is None else with_changes(each, False, latency=0.0)
+                TORQUE_DRIVE if each is None else with_changes(each, latency=0.0)
                 for each in servos
             )
             return tuple(drives) if any(servoed) else ()

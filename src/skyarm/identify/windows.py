@@ -568,7 +568,7 @@ class ClockedWindows:
             name: np.array([[[float(getattr(r, name)) for r in key]] for key in rotors])
             for name in names
         }
-        every = with_changes(rotors[0][0], False, **columns)
+        every = with_changes(rotors[0][0], **columns)
         stacked = Held.join(held, np.stack)
         before, after = stacked.before, stacked.after
         speeds = before[:, self.before(-self.run_in)]
