@@ -681,7 +681,7 @@ def test_a_joint_s_torque_jumps_when_its_late_command_does():
     errors, searched = errors_of("torques")
     held, lanes = (
         errors.windows.commands("efforts", JOINTS),
-        errors.lanes(searched, errors.first_states()),
+        WindowLanes(errors, searched, errors.first_states()),
     )
     assert held.late[errors.windows.begins] == pytest.approx(JOINTS % STEP)
     for k in range(3):
@@ -705,7 +705,7 @@ def test_rotors_begin_with_the_speeds_of_each_lane_s_own_delay_and_lags():
         ("base.com.x", 1e-3),
     ]
     directions = [(x + errors.names.index(name), size) for name, size in moved]
-    lanes = errors.lanes(searched, errors.first_states(), directions)
+    lanes = WindowLanes(errors, searched, errors.first_states(), directions)
     found = lanes.flights.state["rotor_speeds"].T.reshape(4, windows.count, 4).copy()
     lanes.close()
     slower = [

@@ -24,7 +24,12 @@ from skyarm.identify.identified_parts import IdentifiedSurroundings, numbers_aro
 from skyarm.identify.logged_commands import time_constants
 from skyarm.identify.measured_motion import measured_motion
 from skyarm.identify.unknowns import THRUST, without_tilts
-from skyarm.identify.window_errors import WindowErrors, WindowStates, with_heavy_joints
+from skyarm.identify.window_errors import (
+    WindowErrors,
+    WindowLanes,
+    WindowStates,
+    with_heavy_joints,
+)
 from skyarm.identify.windows import (
     RUN_IN,
     Clocked,
@@ -344,7 +349,7 @@ class OpenLoopPredictor:
             pushes: s, after the begins -> (W, 6) force (N) and torque (N m) that the
                 commands do not explain, base axes; none by default.
         """
-        lanes = errors.lanes(NONE, window_states(begins))
+        lanes = WindowLanes(errors, NONE, window_states(begins))
         step = errors.windows.step
         inputs = lanes.flights.inputs
         own_torque = lanes.flights.inputs["torque"].copy()

@@ -64,17 +64,6 @@ PUSH, TWIST = 1.0 / 15.0, 1.0 / 40.0
 """Prior size of the unexplained force and torque, over the weight and the weight times
 the rotors' distance."""
 
-IN_INPUTS = (
-    "delay",
-    "joint_delay",
-    "drift",
-    "sag",
-    "setpoint_hold",
-    "pose_delay",
-    "accelerometer_delay",
-)
-"""Parameters outside the compiled plant: they act in its inputs or on its readings."""
-
 BIAS = {"gyro": "gyro_bias.", "accelerometer": "offset."}
 """Sensor -> prefix of the parameters that are added to its readings."""
 
@@ -88,6 +77,13 @@ DELAY = {
 
 TRIM = "torque."
 """Prefix of the constant torque; each window has an additional one."""
+
+ANALYTIC = (*BIAS.values(), *DELAY.values(), TRIM)
+"""Prefixes of parameters that act on readings alone, or as the wrench of a window does:
+their slopes need no simulation."""
+
+IN_INPUTS = (THRUST, "delay", "joint_delay", "drift", "sag", "setpoint_hold")
+"""Prefixes of parameters that act in the inputs of the compiled plant."""
 
 HEAVY = 1e6
 """Inertia (kg m^2 or kg) of drives that makes joints immovable, without effect on the
@@ -230,10 +226,7 @@ class WindowErrors:
         self.driven, self.servoed = list(driven), list(servoed)
         self.names = [each.name for each in unknowns]
         self._positive = np.array([each.positive for each in unknowns])
-        beside = (*BIAS.values(), TRIM, THRUST)
-        inside = [
-            not name.startswith(beside) and name not in IN_INPUTS for name in self.names
-        ]
+        inside = [not name.startswith((*ANALYTIC, *IN_INPUTS)) for name in self.names]
         self._inside = np.flatnonzero(inside)
         self.replay = self._make_replay(windows.step, finer)
         self._take_windows(windows)
@@ -262,15 +255,7 @@ class WindowErrors:
         ]
         self.unlogged = [i for i in range(n) if not driven[i] and not servoed[i]]
         self.hats = max(2, round(windows.length * windows.step / HAT))
-        sizes = {
-            "position": 3,
-            "quaternion": 3,
-            "velocity": 3,
-            "rate": 3,
-            "joints": n,
-            "joint_rates": n,
-        }
-        sizes |= {
+        sizes = {name: n if name.startswith("joint") else 3 for name in FREE} | {
             "integrals": len(self.integrals),
             "wrench": 6,
             "hats": self.hats * len(self.unlogged),
@@ -305,13 +290,11 @@ class WindowErrors:
         """
         start, servoed, gravity = self.start, self.servoed, self._gravity
         inside = {self.names[i]: self.unknowns[i].start for i in self._inside}
-        fixed = {
-            name: value for name, value in self.known.items() if name not in inside
-        }
+        known = self.known
 
         # unchecked, because a search passes through what no vehicle is
         def vehicle_of(given: Numbers) -> Vehicle:
-            return vehicle_with(start, {**fixed, **given})
+            return vehicle_with(start, {**known, **given})
 
         def drives_of(vehicle: Vehicle) -> tuple[Drive, ...]:
             # a servo's setpoints are late before they reach it
@@ -330,7 +313,7 @@ class WindowErrors:
             its velocity.
             """
             place = Vec3(
-                *({**fixed, **given}.get(f"place.{axis}", 0.0) for axis in "xyz")
+                *({**known, **given}.get(f"place.{axis}", 0.0) for axis in "xyz")
             )
 
             def velocity(at: State) -> Vec3:
@@ -427,17 +410,6 @@ class WindowErrors:
             }
         return samples
 
-    def lanes(
-        self,
-        searched: Array,
-        states: WindowStates,
-        directions: Sequence[Direction] = (),
-    ) -> WindowLanes:
-        """Start parallel simulations of all windows: at the estimate, and with small
-        changes in given directions.
-        """
-        return WindowLanes(self, self.replay, searched, states, directions)
-
     def over(self, windows: ClockedWindows) -> WindowErrors:
         """Residuals of other windows with the same clock step, on the same compiled
         plant.
@@ -521,7 +493,7 @@ class WindowErrors:
         """
         windows = self.windows
         x = len(self.free)
-        size = len(self.free) + len(self.names) + 1
+        size = x + len(self.names) + 1
         directions = self._directions()
         columns = [place for place, _ in directions]
         steps = np.array([step for _, step in directions])[:, None]
@@ -623,10 +595,8 @@ class WindowErrors:
         directions = [
             (i, size) for i, size in enumerate(sizes) if self.free[i][0] != "position"
         ]
-        # these act on readings alone, or as the wrench does, whose slopes are at hand
-        without = (*BIAS.values(), TRIM, *DELAY.values())
         for j, each in enumerate(self.unknowns):
-            if not each.name.startswith(without):
+            if not each.name.startswith(ANALYTIC):
                 directions.append(
                     (
                         len(self.free) + j,
@@ -660,7 +630,7 @@ class WindowErrors:
 
         Errors are (columns, 1 + directions, W), slopes (columns, W) per second.
         """
-        lanes = self.lanes(searched, states, directions)
+        lanes = WindowLanes(self, searched, states, directions)
         step = self.windows.step
         numbers = self.numbers(searched)
         late = {
@@ -749,7 +719,6 @@ class WindowLanes:
 
     Args:
         errors: errors of the windows.
-        replay: plant.
         searched: (P,) numbers on the scale of the search.
         states: states of the windows.
         directions: directions in which the lanes behind the first differ.
@@ -758,10 +727,9 @@ class WindowLanes:
     def __init__(
         self,
         errors: WindowErrors,
-        replay: CommandReplay,
         searched: Array,
         states: WindowStates,
-        directions: Sequence[Direction],
+        directions: Sequence[Direction] = (),
     ) -> None:
         self._errors, self._windows = errors, errors.windows
         count, every = errors.windows.count, len(directions) + 1
@@ -779,8 +747,8 @@ class WindowLanes:
         ).moved_by(np.repeat(changes, count, axis=0))
         self._shape = (-1, every, count)
         self._numbers = errors.values(candidates)
-        self.flights: ReplayedFlights = replay.flights(every * count, cores())
-        inside = [errors.names.index(name) for name in replay.names]
+        self.flights: ReplayedFlights = errors.replay.flights(every * count, cores())
+        inside = [errors.names.index(name) for name in errors.replay.names]
         self.flights.inputs["numbers"][:] = np.repeat(
             self._numbers[:, inside], count, axis=0
         ).T
@@ -897,22 +865,20 @@ class WindowLanes:
 
         def lanes(table: Array, which: IntArray) -> Array:
             """Values (columns, simulations) at the present step of each window, of
-            commands (sets, steps, columns).
+            commands (sets, steps, columns); without columns (simulations,).
             """
-            return np.moveaxis(table[:, at], -1, 0)[:, which].reshape(
-                table.shape[2], -1
-            )
+            return table[:, at][which].reshape(-1, *table.shape[2:]).T
 
         commands, which = self._speeds
         inputs["speeds_before"][:] = lanes(commands.before, which)
         inputs["speeds_after"][:] = lanes(commands.after, which)
-        inputs["late"][0] = commands.late[:, at][which].ravel()
-        inputs["thrust"][0] = self._thrust[0][:, at][self._thrust[1]].ravel()
+        inputs["late"][0] = lanes(commands.late, which)
+        inputs["thrust"][0] = lanes(*self._thrust)
         joints = {
             i: (
-                commands.before[:, at, i][which].ravel(),
-                commands.after[:, at, i][which].ravel(),
-                commands.late[:, at][which].ravel(),
+                lanes(commands.before[:, :, i], which),
+                lanes(commands.after[:, :, i], which),
+                lanes(commands.late, which),
             )
             for i, commands, which in self._joints
         }
