@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 from made_up_fits import HOVER, STEP, channel, clocked
 
-from skyarm.flight_data.flight_data import FlightData
+from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.identify.windows import (
     ClockedWindows,
     SensorSamples,
-    _no_samples,
     clock_step,
     held_over,
     on_clock,
@@ -645,10 +644,16 @@ def test_a_first_state_takes_samples_of_its_own_flight_only():
 
 
 def test_a_sensor_that_is_missing_has_attitudes_of_unit_length_and_zeros_of_others():
-    level = _no_samples(3, 4)
+    edges = np.arange(4, dtype=float)
+    level, still = (
+        samples_on(
+            Channel(time=np.zeros(0), values=np.zeros((0, width)), source="none"), edges
+        )
+        for width in (4, 3)
+    )
     assert level.values.tolist() == [[1.0, 0.0, 0.0, 0.0]] * 3
     assert not level.there.any()
-    assert not _no_samples(2, 3).values.any()
+    assert still.values.tolist() == [[0.0] * 3] * 3
 
 
 def test_commands_at_ten_hertz_are_taken_in_the_middle_of_each_step():

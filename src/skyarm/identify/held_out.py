@@ -29,7 +29,7 @@ from skyarm.identify.held_out_errors import (
 from skyarm.identify.identified_numbers import Identified
 from skyarm.identify.identified_parts import surroundings_with
 from skyarm.identify.identify_windows import USUAL, SearchOptions, distinct_flights
-from skyarm.identify.logged_commands import time_constants
+from skyarm.identify.logged_commands import slowest_lag
 from skyarm.identify.open_loop import (
     FIELDS,
     NONE,
@@ -152,10 +152,7 @@ def predict_held_out(
         start, before, flights, clocks[:count], options.gravity
     )
     # all predictors begin at the same instants, where the slower rotors are known, too
-    slower = max(
-        (found.vehicle, start),
-        key=lambda each: float(time_constants(each.rotors).max(initial=0.0)),
-    )
+    slower = max((found.vehicle, start), key=slowest_lag)
 
     def begins(which: Collection[int], behind: float, apart: float) -> list[IntArray]:
         """Start steps of predictions in some flights, ``apart`` s apart, from

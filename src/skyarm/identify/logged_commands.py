@@ -63,7 +63,7 @@ def commanded_speeds(flight: FlightData, start: Vehicle) -> Channel:
             "rotors.max_speed = inf: must be finite, the speed of the full signal of"
             " rotor_commands"
         )
-    return Channel(time=share.time, values=share.values * highest, source=share.source)
+    return replace(share, values=share.values * highest)
 
 
 def command_samples(commands: Channel) -> Channel:
@@ -230,6 +230,11 @@ def time_constants(rotors: Sequence[Rotor]) -> Array:
         for each in rotors
     ]
     return np.array(pairs).reshape(-1, 2)
+
+
+def slowest_lag(vehicle: Vehicle) -> float:
+    """Longest time constant of a vehicle's rotors, s; 0 without rotors."""
+    return float(time_constants(vehicle.rotors).max(initial=0.0))
 
 
 def highest_speeds(rotors: Sequence[Rotor]) -> Array:

@@ -21,7 +21,7 @@ from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import attitude_at, integral_of, measured_at, values_at
 from skyarm.identify.identified_parts import IdentifiedSurroundings, numbers_around
-from skyarm.identify.logged_commands import time_constants
+from skyarm.identify.log_checks import COMMANDS
 from skyarm.identify.measured_motion import measured_motion
 from skyarm.identify.unknowns import THRUST, without_tilts
 from skyarm.identify.window_errors import (
@@ -31,11 +31,12 @@ from skyarm.identify.window_errors import (
     with_heavy_joints,
 )
 from skyarm.identify.windows import (
-    RUN_IN,
     Clocked,
     ClockedWindows,
     clock_step,
+    join_arrays,
     on_clock,
+    run_in_of,
 )
 from skyarm.log.motion import PoseSeries, PredictedMotion, join_motions
 from skyarm.log.periods import runs_of
@@ -67,8 +68,6 @@ NONE = np.zeros(0)
 
 NEEDED = ("position", "quaternion", "gyro")
 """Channels without which a model has no initial state."""
-
-COMMANDS = ("rotor_commands", "rotor_speed_commands")
 
 
 @positional(eq=False)
@@ -281,15 +280,9 @@ class OpenLoopPredictor:
             measured_states(flight, clock, about, vehicle.n)
             for flight, clock in zip(flights, clocked, strict=True)
         ]
-        self.measured, self.known = (
-            BaseStates(
-                *(
-                    np.concatenate([getattr(each[i], name) for each in every])
-                    for name in FIELDS
-                )
-            )
-            for i in (0, 1)
-        )
+        measured, known, motions = zip(*every, strict=True)
+        self.measured = join_arrays(measured, np.concatenate)
+        self.known = join_arrays(known, np.concatenate)
         shares = thrusts or [about.thrust] * len(clocked)
         thrust = {
             f"{THRUST}{each.name}": share
@@ -304,7 +297,7 @@ class OpenLoopPredictor:
             still,
             still,
             gravity,
-            given=np.concatenate([each[2] for each in every], axis=1),
+            given=np.concatenate(motions, axis=1),
         )
         self.averaged = int(self._errors.averaged.max())
 
@@ -390,8 +383,7 @@ def places_of(
         every: steps from one to the next within each usable part.
         behind: s, of the usable part before the first one.
     """
-    run_in = RUN_IN * float(time_constants(vehicle.rotors).max(initial=0.0))
-    before, first = round(behind / flight.step), math.ceil(run_in / flight.step)
+    before, first = round(behind / flight.step), run_in_of(vehicle, flight.step)
     rows = [
         np.arange(max(a + before, first), b, every) for a, b in runs_of(flight.usable)
     ]

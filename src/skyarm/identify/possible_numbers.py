@@ -19,7 +19,7 @@ from skyarm.identify.log_checks import (
     LogFault,
     faults_of,
 )
-from skyarm.identify.logged_commands import commanded_speeds, time_constants
+from skyarm.identify.logged_commands import commanded_speeds, slowest_lag
 from skyarm.records.arrays import norm
 from skyarm.vehicle import Vehicle
 
@@ -109,7 +109,7 @@ def require_possible_numbers(
         math.sqrt(max(moments) / mass),
         *(math.hypot(*map(float, each)) for each in places),
     )
-    longest = float(time_constants(start.rotors).max(initial=SHORTEST_FLIGHT))
+    longest = max(slowest_lag(start), SHORTEST_FLIGHT)
     # the factor at which found numbers are doubted bounds given ones, too
     for name, value in known.items():
         if name.startswith("base.inertia."):

@@ -21,7 +21,7 @@ from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.state import State
 from skyarm.identify.identified_parts import vehicle_with, with_changes
 from skyarm.identify.unknowns import THRUST, Unknown, servo_of
-from skyarm.identify.windows import ClockedWindows, Held, SensorSamples
+from skyarm.identify.windows import ClockedWindows, Held, SensorSamples, join_arrays
 from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import positional
 from skyarm.simulate.replay import CommandReplay, Numbers, ReplayedFlights
@@ -785,7 +785,7 @@ class WindowLanes:
         # commands are put on the clock once for each delay, not for each lane
         keys, which = _distinct(delays)
         speeds = [windows.commands("speeds", *key) for key in keys]
-        self._speeds = Held.join(speeds, np.stack), which
+        self._speeds = join_arrays(speeds, np.stack), which
         ways = ("rotors.time_constant_up", "rotors.time_constant_down")
         indices = np.arange(len(keys), dtype=float)[which]
         # below 0 where it is the start's: rows with NaN would all be distinct
@@ -824,7 +824,7 @@ class WindowLanes:
             else:
                 continue
             every = [windows.commands(name, *key) for key in keys]
-            commands = Held.join(every, np.stack)
+            commands = join_arrays(every, np.stack)
             self._joints.append((i, commands, which))
             if errors.servoed[i]:
                 # of each servo the goal, the integral and the rounding

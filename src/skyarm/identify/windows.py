@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -25,8 +27,8 @@ from skyarm.identify.logged_commands import (
     flying_spans,
     highest_speeds,
     sampling_period,
+    slowest_lag,
     smooth_commands,
-    time_constants,
 )
 from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable, positional
@@ -169,19 +171,13 @@ def on_clock(
     edges = begin + step * np.arange(size + 1, dtype=float)
     if sampling_period(speeds) or are_samples(flight):
         middles = edges[:-1] + 0.5 * step
-        speeds = Channel(
-            time=edges[:-1],
-            values=smooth_commands(speeds, middles),
-            source=speeds.source,
+        speeds = replace(
+            speeds, time=edges[:-1], values=smooth_commands(speeds, middles)
         )
     # a rotor does not follow a command beyond its range
     limits = highest_speeds(start.rotors)
     least = [float(rotor.min_speed) for rotor in start.rotors]
-    speeds = Channel(
-        time=speeds.time,
-        values=np.clip(speeds.values, least, limits),
-        source=speeds.source,
-    )
+    speeds = replace(speeds, values=np.clip(speeds.values, least, limits))
     aloft = flying_spans(speeds, start) or list(sections)
     usable = np.zeros(size, dtype=bool)
     for first, last in sections or aloft:
@@ -189,9 +185,7 @@ def on_clock(
     if "rotor_speed_commands" not in flight:
         low = np.where(np.isfinite(limits), COASTING * limits, 0.0)
         idle = (held_over(speeds, edges, 0.0).after < low).any(axis=1).astype(float)
-        after = np.ones(
-            max(1, round(RECOVERED * float(time_constants(start.rotors).max()) / step))
-        )
+        after = np.ones(max(1, round(RECOVERED * slowest_lag(start) / step)))
         usable &= np.convolve(idle, after, "full")[:size] == 0.0
     # joints of a vehicle without any are no joints of it
     others = [
@@ -224,12 +218,8 @@ def on_clock(
         size=size,
         channels=channels,
         speeds=speeds,
-        efforts=(
-            flight["joint_efforts"] if start.n and "joint_efforts" in flight else None
-        ),
-        setpoints=(
-            flight["joint_commands"] if start.n and "joint_commands" in flight else None
-        ),
+        efforts=flight.channels.get("joint_efforts"),
+        setpoints=flight.channels.get("joint_commands"),
         voltage=voltage,
         # since the take-off, not the section: the battery falls from there on
         since=edges[:-1] - (aloft[0][0] if aloft else begin),
@@ -286,13 +276,6 @@ def samples_on(channel: Channel, edges: Array) -> SensorSamples:
     return SensorSamples(values, np.clip(share, 0.0, 1.0), count > 0)
 
 
-def _no_samples(size: int, width: int) -> SensorSamples:
-    """Placeholder samples of a missing sensor; attitudes have unit length."""
-    values = np.zeros((size, width))
-    values[:, :1] = width == 4
-    return SensorSamples(values, np.zeros(size), np.zeros(size, dtype=bool))
-
-
 @positional(eq=False)
 class Held:
     """Sampled and held commands over each of N steps, with at most one switch per step.
@@ -306,16 +289,22 @@ class Held:
     after: Array
     late: Array
 
-    @classmethod
-    def join(
-        cls, every: Sequence[Held], joining: Callable[[Sequence[Array]], Array]
-    ) -> Held:
-        """Combine commands by a function of arrays, such as ``np.concatenate``."""
-        return cls(
-            joining([each.before for each in every]),
-            joining([each.after for each in every]),
-            joining([each.late for each in every]),
+
+Arrays = TypeVar("Arrays")
+"""Record whose fields are arrays."""
+
+
+def join_arrays(every: Sequence[Arrays], joining: Callable[[Any], Array]) -> Arrays:
+    """Combine records of arrays, field by field, by a function such as
+    ``np.concatenate``.
+    """
+    kind: Any = type(every[0])
+    return kind(
+        *(
+            joining([getattr(each, field.name) for each in every])
+            for field in fields(kind)
         )
+    )
 
 
 def held_over(channel: Channel, edges: Array, delay: float, width: float = 0.0) -> Held:
@@ -408,6 +397,13 @@ def _without_gaps(channel: Channel, edges: Array) -> Mask:
     return np.asarray(usable)
 
 
+def run_in_of(vehicle: Vehicle, step: float) -> int:
+    """Number of steps (s) of past commands from which the speeds of a vehicle's rotors
+    follow.
+    """
+    return math.ceil(RUN_IN * slowest_lag(vehicle) / step)
+
+
 class ClockedWindows:
     """Short windows of measured flights, cut where the vehicle flies and no needed
     sensor has a gap.
@@ -439,9 +435,10 @@ class ClockedWindows:
         self.flights = list(flights)
         self.step = flights[0].step
         self.length = max(1, round(seconds / self.step))
-        past = RUN_IN * float(time_constants(start.rotors).max(initial=0.0)) / self.step
         # in a short flight rather from a part of the past than no window
-        self.run_in = min(math.ceil(past), max(each.size for each in flights) // 2)
+        self.run_in = min(
+            run_in_of(start, self.step), max(each.size for each in flights) // 2
+        )
         self.firsts: IntArray = np.cumsum([0, *(each.size for each in flights)])
         rows = (
             [np.array(self._places(each), int) for each in flights]
@@ -499,21 +496,16 @@ class ClockedWindows:
                 for each in self.flights
                 if name in each.channels
             ]
-            if not widths:
-                continue
+            # of a flight without the sensor a channel without samples
+            none = Channel(
+                time=np.zeros(0), values=np.zeros((0, widths[0])), source="none"
+            )
             delays = np.broadcast_to((late or {}).get(name, 0.0), len(self.flights))
             parts = [
-                (
-                    samples_on(each.channels[name], each.edges + delay)
-                    if name in each.channels
-                    else _no_samples(each.size, widths[0])
-                )
+                samples_on(each.channels.get(name, none), each.edges + delay)
                 for each, delay in zip(self.flights, delays, strict=True)
             ]
-            rows = zip(
-                *((each.values, each.share, each.there) for each in parts), strict=True
-            )
-            by_sensor[name] = SensorSamples(*map(np.concatenate, rows))
+            by_sensor[name] = join_arrays(parts, np.concatenate)
         return by_sensor
 
     def commands(
@@ -540,7 +532,7 @@ class ClockedWindows:
                 over = hold / channel.rate if hold else 0.0
                 held = held_over(channel, flight.edges, delay, over)
             rows.append(lagging(held, lag, self.step, hold > 0.0) if lag else held)
-        return Held.join(rows, np.concatenate)
+        return join_arrays(rows, np.concatenate)
 
     def thrusts(self, sag: float, drift: float, *own: float) -> Array:
         """Thrust factor (steps,) from a power of the voltage, a drift since take-off
@@ -569,7 +561,7 @@ class ClockedWindows:
             for name in names
         }
         every = with_changes(rotors[0][0], **columns)
-        stacked = Held.join(held, np.stack)
+        stacked = join_arrays(held, np.stack)
         before, after = stacked.before, stacked.after
         speeds = before[:, self.before(-self.run_in)]
         for k in range(-self.run_in, 0):
