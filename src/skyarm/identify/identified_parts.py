@@ -160,8 +160,9 @@ def of_a_body(inertia: Sym3) -> Sym3:
 
 
 def with_changes(record: R, **changes: Any) -> R:
-    """Copy of a dataclass record with changed fields, whose values are not checked: a
-    search passes through what no vehicle is.
+    """Copy of a dataclass record with changed fields, whose values are not checked.
+
+    A search passes through what no vehicle is.
     """
     changed = copy.copy(record)  # which runs no checks
     for name, value in changes.items():

@@ -12,6 +12,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -178,6 +179,7 @@ Direction = tuple[int, float]
 then the other parameters, and the difference."""
 
 
+@dataclass(eq=False)
 class WindowErrors:
     """Measured less simulated sensor readings of windows, for given vehicle parameters
     and initial states.
@@ -207,34 +209,26 @@ class WindowErrors:
         averaged: (flights,) steps over which the accelerometer's samples are means.
     """
 
-    def __init__(
-        self,
-        windows: ClockedWindows,
-        start: Vehicle,
-        unknowns: Sequence[Unknown],
-        known: Mapping[str, float],
-        driven: Sequence[bool],
-        servoed: Sequence[bool],
-        gravity: float,
-        finer: int = 1,
-        given: Array | None = None,
-    ) -> None:
-        self.given, self._gravity = given, gravity
-        self.start = start
-        self.unknowns = list(unknowns)
-        self.known = dict(known)
-        self.driven, self.servoed = list(driven), list(servoed)
-        self.names = [each.name for each in unknowns]
-        self._positive = np.array([each.positive for each in unknowns])
-        inside = [not name.startswith((*ANALYTIC, *IN_INPUTS)) for name in self.names]
-        self._inside = np.flatnonzero(inside)
-        self.replay = self._make_replay(windows.step, finer)
-        self._take_windows(windows)
+    windows: ClockedWindows
+    start: Vehicle
+    unknowns: Sequence[Unknown]
+    known: Mapping[str, float]
+    driven: Sequence[bool]
+    servoed: Sequence[bool]
+    gravity: float
+    finer: int = 1
+    given: Array | None = None
 
-    def _take_windows(self, windows: ClockedWindows) -> None:
-        """Set the windows to simulate, with their samples and unknown states."""
+    def __post_init__(self) -> None:
+        self.names = [each.name for each in self.unknowns]
+        self._positive = np.array([each.positive for each in self.unknowns])
+        self.replay = self._make_replay()
+        self._take_windows()
+
+    def _take_windows(self) -> None:
+        """Set samples and unknown states of the windows to simulate."""
         start, driven, servoed = self.start, self.driven, self.servoed
-        self.windows = windows
+        windows = self.windows
         self.samples = self._samples({})
         self.taken = dict[str, float]()
         self._placed = 1
@@ -271,7 +265,7 @@ class WindowErrors:
         ]
         # an accelerometer that is slower than the clock gives means over its period
         self.averaged: IntArray = np.array([max(1, round(each)) for each in periods])
-        weight = self._gravity * float(start.mass)
+        weight = self.gravity * float(start.mass)
         arm = max(
             math.hypot(float(r.position.x), float(r.position.y)) for r in start.rotors
         )
@@ -284,13 +278,17 @@ class WindowErrors:
             [carried[i] for i in self.unlogged], self.hats
         )
 
-    def _make_replay(self, step: float, finer: int) -> CommandReplay:
+    def _make_replay(self) -> CommandReplay:
         """Make the compiled plant whose vehicle follows from the searched
         parameters.
         """
-        start, servoed, gravity = self.start, self.servoed, self._gravity
-        inside = {self.names[i]: self.unknowns[i].start for i in self._inside}
-        known = self.known
+        start, servoed, gravity = self.start, self.servoed, self.gravity
+        inside = {
+            each.name: each.start
+            for each in self.unknowns
+            if not each.name.startswith((*ANALYTIC, *IN_INPUTS))
+        }
+        known, step = self.known, self.windows.step
 
         # unchecked, because a search passes through what no vehicle is
         def vehicle_of(given: Numbers) -> Vehicle:
@@ -341,7 +339,7 @@ class WindowErrors:
             gravity,
             drives_of=drives_of,
             sensed=felt,
-            finer=finer,
+            finer=self.finer,
         )
 
     def first_states(self) -> WindowStates:
@@ -416,18 +414,20 @@ class WindowErrors:
         """
         # the compiled plant is shared, as windows are no part of it
         errors = copy.copy(self)
-        errors._take_windows(windows)
+        errors.windows = windows
+        errors._take_windows()
         return errors
 
     def errors_at(self, searched: Array, states: WindowStates) -> tuple[Array, Mask]:
         """Residuals (steps, W, sensor axes) of W windows and their mask, for search
         variables of parameters (P,).
         """
-        errors, there = self._nothing()
+        there = self.counted()
+        errors = np.zeros(there.shape)
         # what a search tries may fly to infinity
         with np.errstate(over="ignore", invalid="ignore"):
-            for k, _, rows, error, _, has in self._readings(searched, states, []):
-                errors[k, :, rows], there[k, :, rows] = error[:, 0].T, has[:, None]
+            for k, _, rows, error, *_ in self._readings(searched, states, []):
+                errors[k, :, rows] = error[:, 0].T
         return errors, there
 
     def times(self) -> Array:
@@ -497,7 +497,8 @@ class WindowErrors:
         directions = self._directions()
         columns = [place for place, _ in directions]
         steps = np.array([step for _, step in directions])[:, None]
-        errors, there = self._nothing()
+        there = self.counted()
+        errors = np.zeros(there.shape)
         count = windows.count
         m = len(self.rows)
         sums, of_rows = np.zeros((count, size - x, size)), np.zeros((m, count, x, x))
@@ -506,10 +507,7 @@ class WindowErrors:
         scale = 1.0 / noise[windows.owners]
         last = -1
         before = np.zeros((count, m, size))
-        counts = np.stack(
-            [self._counts(name, slice(None)) for name, _ in self.rows], axis=2
-        )
-        shares = None if memory is None else self.shares_left(counts, memory)
+        shares = None if memory is None else self.shares_left(there, memory)
 
         def add() -> None:
             flat = block.reshape(count, CHUNK * m, size)
@@ -526,7 +524,7 @@ class WindowErrors:
                 if filled > CHUNK:
                     add()
                     filled = 1
-            errors[k, :, rows], there[k, :, rows] = error[:, 0].T, has[:, None]
+            errors[k, :, rows] = error[:, 0].T
             part = block[:, filled - 1, rows]
             part[:, :, columns] = np.moveaxis(
                 (error[:, 1:] - error[:, :1]) / steps, 2, 0
@@ -561,18 +559,13 @@ class WindowErrors:
             ),
         )
 
-    def _nothing(self) -> tuple[Array, Mask]:
-        """Zero residuals (steps, W, sensor axes) of W windows, and a mask that marks no
-        sample as usable yet.
-        """
-        shape = self.windows.length, self.windows.count, len(self.rows)
-        return np.zeros(shape), np.zeros(shape, dtype=bool)
+    def counted(self) -> Mask:
+        """Mask (steps, W, sensor axes) of the samples that are compared."""
+        return np.stack([self._counts(name) for name, _ in self.rows], axis=2)
 
-    def _counts(self, name: str, k: int | slice) -> Mask:
-        """Mask (W,) of windows in which a sensor has a usable sample in step k, or
-        (steps, W) for a slice of steps.
-        """
-        steps = np.arange(self.windows.length)[:, None][k]
+    def _counts(self, name: str) -> Mask:
+        """Mask (steps, W) of the usable samples of a sensor in W windows."""
+        steps = np.arange(self.windows.length)[:, None]
         samples = self.samples[name]
         at = self.windows.begins + steps
         there: Mask = samples.there[at]
@@ -640,6 +633,7 @@ class WindowErrors:
         before, forces = lanes.read(self.samples), list[Array]()
         averaged = self.averaged[self.windows.owners]
         counts = np.unique(averaged).tolist() or [1]
+        there = {name: self._counts(name) for name in self.samples}
         for k in range(self.windows.length):
             at = self.windows.begins + k
             lanes.advance(k)
@@ -656,7 +650,7 @@ class WindowErrors:
             if not k:
                 before["accelerometer"] = now["accelerometer"]
             for name, samples in self.samples.items():
-                has = self._counts(name, k)
+                has = there[name][k]
                 if not has.any():
                     continue
                 error, slope = _error(
