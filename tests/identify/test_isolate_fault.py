@@ -28,7 +28,7 @@ from changed_channels import (
     times_of,
 )
 
-from skyarm.identify import isolate_fault
+from skyarm.identify import identify_windows, isolate_fault
 from skyarm.identify.channel_changes import ChannelChange, channel_changes
 from skyarm.identify.isolate_fault import (
     PUSHES,
@@ -839,11 +839,12 @@ class Window:
         self.moved, self.wrong = {}, None
 
     def windows(self, flights, start, seconds, most):
-        self.made.append((*flights, seconds, most))
+        self.made.append((*(each.step for each in flights), seconds, most))
         return self
 
     def errors(self, windows, start, unknowns, *others):
         self.unknowns = unknowns
+        self.names = [each.name for each in unknowns]
         return self
 
     def over(self, windows):
@@ -868,13 +869,15 @@ def window(monkeypatch):
     parts = {
         "ClockedWindows": made.windows,
         "WindowErrors": made.errors,
-        "fit_windows": made.fit,
-        "first_noise": lambda errors: made.white,
-        "on_clock": lambda flight, start, step, sensors: step,
+        "on_clock": lambda flight, start, step, **_: SimpleNamespace(
+            name=flight.name, step=step, voltage=np.ones(1)
+        ),
         "clock_step": lambda flights, start: 0.002,
     }
     for name, part in parts.items():
-        monkeypatch.setattr(isolate_fault, name, part)
+        monkeypatch.setattr(identify_windows, name, part)
+    monkeypatch.setattr(isolate_fault, "fit_windows", made.fit)
+    monkeypatch.setattr(isolate_fault, "first_noise", lambda errors: made.white)
     return made
 
 

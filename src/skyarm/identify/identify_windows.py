@@ -213,16 +213,32 @@ class WindowSearch:
 
 
 def search_of(
-    flights: Sequence[FlightData], start: Vehicle, options: SearchOptions = USUAL
+    flights: Sequence[FlightData],
+    start: Vehicle,
+    options: SearchOptions = USUAL,
+    *,
+    sensors: Sequence[str] = (),
+    coarse: float = 0.0,
 ) -> WindowSearch:
     """Set up the parameter search for flights; the arguments are those of
     :func:`identify_by_windows`.
+
+    ``sensors`` are compared, as of :func:`on_clock`, in as many steps of the usual
+    clock at once as fit into ``coarse``, s.
     """
     flights, start = distinct_flights(flights), without_tilts(start)
     step = clock_step(flights, start)
-    full, sections = options.full_voltage, options.sections
+    # 1e-6, so that rounding takes no step away
+    step *= max(1, math.floor(coarse / step + 1e-6))
     clocked = [
-        on_clock(each, start, step, full_voltage=full, sections=sections)
+        on_clock(
+            each,
+            start,
+            step,
+            full_voltage=options.full_voltage,
+            sections=options.sections,
+            sensors=sensors,
+        )
         for each in flights
     ]
     driven, servoed = moved_joints(flights, start)

@@ -32,14 +32,7 @@ from skyarm.identify.channel_changes import (
     channel_changes,
     leave_out,
 )
-from skyarm.identify.identify_windows import (
-    FEWEST,
-    FIRST,
-    SAMPLES,
-    distinct_flights,
-    moved_joints,
-    unknowns_of_sensors,
-)
+from skyarm.identify.identify_windows import SearchOptions, search_of
 from skyarm.identify.log_checks import (
     RANGES,
     RARE,
@@ -52,12 +45,7 @@ from skyarm.identify.log_checks import (
 )
 from skyarm.identify.logged_commands import commanded_speeds, flying_spans
 from skyarm.identify.possible_numbers import LONGEST_DELAY
-from skyarm.identify.unknowns import (
-    USUAL_DELAY,
-    unknowns_of,
-    with_servos,
-    without_tilts,
-)
+from skyarm.identify.unknowns import USUAL_DELAY
 from skyarm.identify.window_errors import WindowErrors
 from skyarm.identify.window_fit import (
     LEAST,
@@ -66,7 +54,7 @@ from skyarm.identify.window_fit import (
     fit_windows,
     student_quantile,
 )
-from skyarm.identify.windows import SENSORS, ClockedWindows, clock_step, on_clock
+from skyarm.identify.windows import SENSORS
 from skyarm.records.immutable import positional
 from skyarm.vehicle import Vehicle
 
@@ -543,7 +531,7 @@ class Leavings:
     """
 
     def __init__(self, start: Vehicle) -> None:
-        self._start = without_tilts(start)
+        self._start = start
         self._plants = dict[tuple[object, ...], WindowErrors]()
 
     def rows(self, flight: FlightData, most: int, turns: int) -> Left | None:
@@ -552,51 +540,30 @@ class Leavings:
 
         Sizes are infinite of a flight whose motion under its commands is no number.
         """
-        (flight,) = distinct_flights([flight])
-        rate = flight["gyro"].rate
-        if not FLOWN[0] <= rate <= FLOWN[1]:
+        if not FLOWN[0] <= flight["gyro"].rate <= FLOWN[1]:
             return None
         try:
-            step = clock_step([flight], self._start)
-            # a first search only ranks changes, so longer steps do
-            step *= 1 if most >= LAST[0] else max(1, math.floor(COARSE / step + 1e-6))
-            driven, servoed = moved_joints([flight], self._start)
-            start = with_servos(self._start, servoed)
-            windows = ClockedWindows(
-                [on_clock(flight, start, step, sensors=SENSORS)],
-                start,
-                max(FIRST, SAMPLES / rate),
-                most,
+            search = search_of(
+                [flight],
+                self._start,
+                SearchOptions(gravity=flight.gravity),
+                sensors=SENSORS,
+                # a first search only ranks changes, so longer steps do
+                coarse=COARSE if most < LAST[0] else 0.0,
             )
-            if windows.count < FEWEST:
-                return None
-            every = unknowns_of(
-                start,
-                curve=False,
-                velocity=True,
-                voltage=False,
-                driven=driven,
-                servoed=servoed,
-            )
-            every += unknowns_of_sensors([flight])
-            kind = (round(step, 9), *driven, *servoed, *(each.name for each in every))
+            step = search.flights[0].step
+            names = (each.name for each in search.unknowns)
+            kind = (round(step, 9), *search.driven, *search.servoed, *names)
             # flights with the same unknowns and step fly on one compiled plant
-            if kind in self._plants:
-                errors = self._plants[kind].over(windows)
-            else:
-                errors = WindowErrors(
-                    windows, start, every, {}, driven, servoed, flight.gravity
-                )
-                self._plants[kind] = errors
+            errors = search.errors(search.first, most, self._plants.get(kind))
+            self._plants[kind] = errors
         # a change may leave a flight that no window fits: it is no candidate then
         except (ValueError, np.linalg.LinAlgError):
             return None
         adrift = Left(dict.fromkeys(errors.rows, math.inf))
         try:
             with np.errstate(all="ignore"):
-                fit = fit_windows(
-                    errors, np.array([each.begin for each in every]), turns=turns
-                )
+                fit = fit_windows(errors, search.begin, turns=turns)
         except (ValueError, np.linalg.LinAlgError):
             return adrift
         sizes = dict(
@@ -629,7 +596,7 @@ class Leavings:
             return adrift
         off = [
             (value - each.begin) / each.spread
-            for value, each in zip(fit.values, every, strict=True)
+            for value, each in zip(fit.values, search.unknowns, strict=True)
         ]
-        delay = float(fit.values[[each.name for each in every].index("delay")])
+        delay = float(fit.values[errors.names.index("delay")])
         return Left(sizes, float(np.square(off).sum()), delay)
