@@ -171,6 +171,7 @@ def test_faults_are_sought_in_sections_of_the_fit_and_in_whole_held_out_flights(
         START,
         options,
         reported.append,
+        despite_faults=False,
         held_out=[flight("c")],
         progress=told.append,
     )
@@ -181,7 +182,7 @@ def test_faults_are_sought_in_sections_of_the_fit_and_in_whole_held_out_flights(
         ("b", 4.0, 6.0, START),
         ("c", 0.0, 10.0, START),
     ]
-    assert reported == [[fault()] * 5, [], asked.doubts]
+    assert reported == [*[fault()] * 5, *asked.doubts]
     assert asked.doubted == [(START, "a.csv", ["a", "b"])]
     assert told == ["look for faults", "predict the held-out flights"]
     asked.checked.clear()
@@ -190,6 +191,7 @@ def test_faults_are_sought_in_sections_of_the_fit_and_in_whole_held_out_flights(
         START,
         SearchOptions(),
         reported.append,
+        despite_faults=False,
         held_out=(),
         progress=None,
     )
@@ -206,10 +208,11 @@ def test_a_flight_of_which_no_part_counts_is_warned_of(asked, monkeypatch):
         START,
         SearchOptions(),
         reported.append,
+        despite_faults=False,
         held_out=(),
         progress=None,
     )
-    ((short,),) = [each for each in reported if each]
+    (short,) = reported
     assert (
         short.words
         == "b.csv: time: no part counts: nowhere 0.25 s in the air without a gap; leave"

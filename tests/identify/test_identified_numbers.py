@@ -12,7 +12,6 @@ import pytest
 from made_up_fits import fit_of
 
 from skyarm.identify.identified_numbers import (
-    APART,
     NOT_SHOWN,
     IdentifiedNumber,
     Scale,
@@ -22,7 +21,6 @@ from skyarm.identify.identified_numbers import (
     disagreement,
     identified_numbers,
     scale_of,
-    with_reasons,
 )
 from skyarm.identify.identified_parts import vehicle_with
 from skyarm.identify.unknowns import Reported, Unknown
@@ -377,22 +375,6 @@ def test_of_several_numbers_beside_which_one_shows_the_nearest_is_named():
     )
     assert list(found.replaced) == [0, 1]
     assert found.beside == {2: 0}
-    numbers = [
-        IdentifiedNumber(
-            name=name,
-            unit="",
-            value=0.0,
-            low=-1.0,
-            high=1.0,
-            start=0.0,
-            data_share=0.0,
-            reason=NOT_SHOWN,
-        )
-        for name in "abc"
-    ]
-    named = with_reasons(numbers, found.beside)
-    assert [each.name for each in named] == ["a", "b", "c"]
-    assert [each.reason for each in named] == [NOT_SHOWN, NOT_SHOWN, f"{APART}a"]
 
 
 def test_a_sum_goes_back_beside_a_known_part():
@@ -401,14 +383,14 @@ def test_a_sum_goes_back_beside_a_known_part():
     """
     scale = scale_of(fit_of(AT[1:], np.eye(2)), UNKNOWNS[1:], REPORTED, {"a": 1.0})
     plain = {"a": 1.0, "b": 1.5, "c": 0.25}
-    assert at_starts(plain, scale, [0], ["b", "c"]) == pytest.approx(
+    assert at_starts(plain, scale, [0], ["b", "c"], {}, plain) == pytest.approx(
         {"a": 1.0, "b": 3.0, "c": 0.25}
     )
-    assert at_starts(plain, scale, [1], ["b", "c"]) == pytest.approx(
+    assert at_starts(plain, scale, [1], ["b", "c"], {}, plain) == pytest.approx(
         {"a": 1.0, "b": 1.5, "c": -0.5}
     )
     fewer = dataclasses.replace(scale, reported=scale.reported[:1])
-    assert at_starts(plain, fewer, [0], ["b", "c"]) == plain
+    assert at_starts(plain, fewer, [0], ["b", "c"], {}, plain) == plain
 
 
 def test_a_number_of_the_rotors_is_that_of_the_first_and_the_others_keep_their_ratio():

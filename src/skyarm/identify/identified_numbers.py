@@ -375,29 +375,13 @@ def condition_on_start(
     return Conditioned(values, replaced, beside)
 
 
-def with_reasons(
-    numbers: Sequence[IdentifiedNumber], beside: Mapping[int, int]
-) -> tuple[IdentifiedNumber, ...]:
-    """Add to each parameter that is identifiable only together with another one a
-    reason that names the other.
-    """
-    return tuple(
-        (
-            replace(each, reason=f"{APART}{numbers[beside[i]].name}")
-            if i in beside
-            else each
-        )
-        for i, each in enumerate(numbers)
-    )
-
-
 def at_starts(
     plain: Mapping[str, float],
     scale: Scale,
     replaced: Sequence[int],
     searched: Sequence[str],
-    shown: Mapping[int, float] | None = None,
-    found: Mapping[str, float] | None = None,
+    shown: Mapping[int, float],
+    found: Mapping[str, float],
 ) -> dict[str, float]:
     """Parameter values by name; those that are shown and those reset to start values,
     also sums, are exactly these.
@@ -413,7 +397,6 @@ def at_starts(
         found: numbers before they were conditioned.
     """
     place = {name: i for i, name in enumerate(searched)}
-    printed = shown or {}
     sums = np.zeros((len(scale.reported), len(searched)))
     totals = np.zeros(len(scale.reported))
     for k, each in enumerate(scale.reported):
@@ -423,7 +406,7 @@ def at_starts(
             if k in replaced
             else sum(plain[part] for part in each.parts)
         )
-        totals[k] = printed.get(k, whole) - given
+        totals[k] = shown.get(k, whole) - given
         sums[k, [place[part] for part in each.parts if part in place]] = 1.0
     # not as many reported as searched numbers: none follow from the others alone
     if sums.shape[0] != sums.shape[1]:
@@ -434,10 +417,8 @@ def at_starts(
         if scale.positive[k]:
             rising.update(each.parts)
     impossible = {name for name in rising & set(solved) if solved[name] <= 0.0}
-    if impossible and found is None:
-        return dict(plain)
     together = list[str]()
     for each in scale.reported:
         if impossible & {*each.parts}:
             together += each.parts
-    return {**plain, **solved, **{name: (found or plain)[name] for name in together}}
+    return {**plain, **solved, **{name: found[name] for name in together}}

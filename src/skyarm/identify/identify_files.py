@@ -15,7 +15,7 @@ from skyarm.identify.identified_file import VOLTAGE
 from skyarm.identify.identified_report import IdentifiedReport
 from skyarm.identify.identify_flights import identify_aligned
 from skyarm.identify.identify_windows import SearchOptions
-from skyarm.identify.log_checks import LogFault, require_no_refusal
+from skyarm.identify.log_checks import LogFault
 from skyarm.identify.logged_commands import as_samples
 from skyarm.identify.measured_motion import joints_in_order
 from skyarm.records.files import shown
@@ -132,17 +132,16 @@ def identify_files(
                     f" {flight.name}"
                 )
 
-    def report(more: Sequence[LogFault]) -> None:
-        faults.extend(more)
-        require_no_refusal(() if despite_faults else more)
-        for fault in more:
-            warn(fault)
+    def report(fault: LogFault) -> None:
+        faults.append(fault)
+        warn(fault)
 
     identified = identify_aligned(
         fitted,
         start,
         dataclasses.replace(options, full_voltage=full, known=given, gravity=felt),
         report,
+        despite_faults=despite_faults,
         held_out=held_out,
         progress=lambda words: progress(last=words),
     )

@@ -90,7 +90,9 @@ def identify_flights(
             known=given,
             gravity=gravity,
         ),
-        lambda faults: _report(faults, despite_faults),
+        # five calls up stands the line that called this function
+        lambda fault: warnings.warn(fault.words, UserWarning, stacklevel=5),
+        despite_faults=despite_faults,
         held_out=[align_poses(each)[0] for each in held_out],
         progress=progress,
     )
@@ -100,18 +102,24 @@ def identify_aligned(
     flights: Sequence[FlightData],
     start: Vehicle,
     options: SearchOptions,
-    report: Callable[[Sequence[LogFault]], None],
+    warn: Callable[[LogFault], object],
     *,
+    despite_faults: bool,
     held_out: Sequence[FlightData],
     progress: Callable[[str], None] | None,
 ) -> Identified:
     """Identify a vehicle from flights whose clocks agree; the arguments are those of
     :func:`identify_flights`.
 
-    The start has the total mass that a scale tells. ``report`` is called with the
-    faults of the flights, then with those of the numbers that hardly any vehicle has;
-    an error that it raises ends all.
+    The start has the total mass that a scale tells. ``warn`` is called with each fault
+    of the flights, then with each of the numbers that hardly any vehicle has.
     """
+
+    def report(faults: Sequence[LogFault]) -> None:
+        require_no_refusal(() if despite_faults else faults)
+        for fault in faults:
+            warn(fault)
+
     tell = progress or (lambda words: None)
     tell("look for faults")
     # faults outside the parts that count do no harm
@@ -216,13 +224,3 @@ def weigh_vehicle(vehicle: Vehicle, mass: float, name: str) -> Vehicle:
         strict=True,
     )
     return replace(vehicle, base=replace(vehicle.base, mass=mass - carried))
-
-
-def _report(faults: Sequence[LogFault], despite_faults: bool) -> None:
-    """Warn of logging faults; raise an error for a fault that makes a flight
-    unusable.
-    """
-    require_no_refusal(() if despite_faults else faults)
-    for fault in faults:
-        # five calls up stands the line that called identify_flights
-        warnings.warn(fault.words, UserWarning, stacklevel=5)

@@ -19,6 +19,7 @@ import numpy as np
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.identify.identified_numbers import (
+    APART,
     LAGS,
     NOT_SHOWN,
     Identified,
@@ -28,7 +29,6 @@ from skyarm.identify.identified_numbers import (
     condition_on_start,
     identified_numbers,
     scale_of,
-    with_reasons,
 )
 from skyarm.identify.identified_parts import surroundings_with, vehicle_with
 from skyarm.identify.logged_commands import (
@@ -382,7 +382,8 @@ def identify_by_windows(
     conditioned = condition_on_start(
         fit.values, fit.curvature, scale.rows, scale.off, scale.before, shares, groups
     )
-    numbers = [*with_reasons(numbers, conditioned.beside)]
+    for k, other in conditioned.beside.items():
+        numbers[k] = replace(numbers[k], reason=f"{APART}{numbers[other].name}")
     plain = at_starts(
         errors.numbers(conditioned.values),
         scale,

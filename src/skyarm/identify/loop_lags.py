@@ -24,7 +24,12 @@ from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import middle
 from skyarm.identify.identified_numbers import LAGS
 from skyarm.identify.identified_parts import vehicle_with
-from skyarm.identify.identify_windows import FIRST, TURNING, WHOLE, explained_shares
+from skyarm.identify.identify_windows import (
+    FIRST,
+    WHOLE,
+    explained_shares,
+    unknowns_of_sensors,
+)
 from skyarm.identify.logged_commands import time_constants
 from skyarm.identify.unknowns import (
     USUAL_DELAY,
@@ -325,10 +330,8 @@ def _fit(
     )
     unknowns = [each for group in searched.values() for each in group]
     unknowns += [each for each in usual if each.name.startswith(MODELLED)]
-    unknowns += [
-        Unknown(name=f"gyro_bias.{axis}", unit="rad/s", start=0.0, spread=TURNING)
-        for axis in "xyz"
-    ]
+    # no pose: that of a log is true, and not late
+    unknowns += unknowns_of_sensors([])
     errors = WindowErrors(
         ClockedWindows([clocked], start, FIRST, FEW),
         start,
