@@ -620,9 +620,10 @@ def _refine(
     share = memory / max(count, 1)
     # of an estimate over some of the rows (Kiefer, Vogelsang)
     normal = NORMAL + 2.9694 * share + 0.4160 * share**2
-    errors[:free] = normal * np.sqrt(
-        np.maximum(np.diag(_covariance(curved, moments, memory))[:free], 0.0)
-    )
+    # of residuals that are correlated over neighbouring samples (Newey, West)
+    inverse = np.linalg.pinv(curved.T @ curved)
+    covariance = inverse @ _long_run(moments, memory) @ inverse
+    errors[:free] = normal * np.sqrt(np.maximum(np.diag(covariance)[:free], 0.0))
     return estimate, errors
 
 
@@ -691,14 +692,6 @@ def _robust(jacobian: Array, given: Array) -> tuple[Array, Array, Array]:
         # 1e-12, so that no residual is divided by 0
         weights = np.minimum(1.0, HUBER * _scale(residual) / (np.abs(residual) + 1e-12))
     return doubles(change), residual, weights
-
-
-def _covariance(jacobian: Array, moments: Array, memory: int) -> Array:
-    """Newey-West covariance of a least-squares estimate with residuals correlated over
-    neighbouring samples.
-    """
-    inverse = np.linalg.pinv(jacobian.T @ jacobian)
-    return inverse @ _long_run(moments, memory) @ inverse
 
 
 def _long_run(moments: Array, memory: int) -> Array:

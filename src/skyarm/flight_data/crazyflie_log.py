@@ -174,14 +174,14 @@ def _rows(data: bytes, events: Events, place: int) -> tuple[dict[int, Rows], int
     pieces: dict[int, list[bytes]] = {}
     end = len(data) - CHECK
     sizes = {number: row.itemsize for number, (_, row) in events.items()}
-    while (
-        size := sizes.get(int.from_bytes(data[place : place + 2], "little"), 0)
-    ) and place + size <= end:
+    while place < end:
+        number = int.from_bytes(data[place : place + 2], "little")
+        if number not in sizes or place + sizes[number] > end:
+            break
         # joined once at the end, so that time is linear in the length of the log
-        pieces.setdefault(int.from_bytes(data[place : place + 2], "little"), []).append(
-            data[place : place + size]
-        )
-        place += size
+        piece = data[place : place + sizes[number]]
+        pieces.setdefault(number, []).append(piece)
+        place += sizes[number]
     return {
         number: np.frombuffer(b"".join(rows), events[number][1])
         for number, rows in pieces.items()

@@ -285,21 +285,14 @@ def _with_resets(flight: FlightData, tables: Mapping[str, RawTable]) -> FlightDa
             times = tables[name].time[
                 np.isin(tables[name].numbers(field), resets)
             ] - float(flight.facts["start"])
-            sides = [
-                [(time[time < each - LOOP], time[time >= each]) for time in poses]
-                for each in times
-            ]
-            ends = [
-                [
-                    (before[-1], after[0])
-                    for before, after in each
-                    if before.size and after.size
+            for each in times:
+                around = [
+                    (time[time < each - LOOP][-1], time[time >= each][0])
+                    for time in poses
+                    if time[0] < each - LOOP and time[-1] >= each
                 ]
-                for each in sides
-            ]
-            spans |= {
-                (min(each)[0], max(last for _, last in each)) for each in ends if each
-            }
+                if around:
+                    spans.add((min(around)[0], max(last for _, last in around)))
     return flight.with_jumps(spans) if spans else flight
 
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from skyarm.flight_data.raw_tables import RawTable
-from skyarm.flight_data.series import rotations_between
+from skyarm.flight_data.series import columns_at, integral_of, rotations_between
 from skyarm.records.arrays import Array
 
 LATEST = 0.1
@@ -77,8 +77,7 @@ def by_attitude(motion: RawTable, attitude: RawTable) -> RawTable:
     late = np.broadcast_to(late, good.shape)[good]
     if len(time) < 3 or not late.any() or (np.diff(time) <= 0.0).any():
         return motion
-    means = 0.5 * (rates[good][1:] + rates[good][:-1]) * np.diff(time)[:, None]
-    angle = np.vstack([np.zeros(3), np.cumsum(means, axis=0)])
+    angle = integral_of(time, rates[good])
     step = (
         max(1, round(APART / max(float(np.median(np.diff(turned))), 1e-6)))
         if len(turned) > 1
@@ -99,12 +98,8 @@ def by_attitude(motion: RawTable, attitude: RawTable) -> RawTable:
         explain.
         """
         stamps = time + moved
-        sums = [
-            np.interp(end[inside], stamps, each)
-            - np.interp(begin[inside], stamps, each)
-            for each in angle.T
-        ]
-        return float((turn - np.stack(sums, axis=1)).std())
+        last, first = (columns_at(each[inside], stamps, angle) for each in (end, begin))
+        return float((turn - (last - first)).std())
 
     # the middles are PX4's own rule, so the stamps must be clearly better
     if error(late) > CLEARLY * error(np.zeros(len(time))):

@@ -400,21 +400,15 @@ def _time_unit(
             f"{columns.file}: time.unit = {shown(unit)}: cannot be true of steps of"
             f" {step:.4g}; try {rates}"
         )
-    found = unit or next(
-        iter(
-            [
-                *dated,
-                *(each for each in ("s",) if step * SLOWEST <= 1.0 and each in able),
-            ]
-        ),
-        "",
-    )
-    if not found and len(able) > 1:
+    if unit:
+        return unit
+    likely = [*dated, "s"] if step * SLOWEST <= 1.0 and "s" in able else dated
+    if not likely and len(able) > 1:
         raise ValueError(
             f"{columns.file}: time.unit: is missing; steps of {step:.4g} may be {rates}"
         )
-    found = found or (able[0] if able else "s")
-    if found != (unit or "s"):
+    found = [*likely, *able, "s"][0]
+    if found != "s":
         notes.append(
             f"time: is taken for {found}, as its steps are {step:.4g}; a columns.toml"
             " may state another unit."
