@@ -312,7 +312,10 @@ def design_segments(
             f" {limits.clear:g} m: vehicle '{vehicle.name}' has no motion within these"
             " limits; widen one of them"
         )
-    taken = _greedy(pool, count, gain)
+    taken = list[Candidate]()
+    # one by one, each with the largest gain beside those that are taken already
+    for _ in range(count):
+        taken.append(max(pool, key=lambda each: gain([*taken, each])))
     best = gain(taken)
     for i in range(free, candidates):
         if progress is not None:
@@ -328,15 +331,3 @@ def design_segments(
             best, k = max(gains), int(np.argmax(gains))
             taken[k] = trial
     return [each.segment for each in taken]
-
-
-def _greedy(
-    pool: Sequence[Candidate], count: int, gain: Callable[[Sequence[Candidate]], float]
-) -> list[Candidate]:
-    """Choose candidates one by one, each with the largest gain in addition to those
-    already chosen.
-    """
-    taken: list[Candidate] = []
-    for _ in range(count):
-        taken.append(max(pool, key=lambda each: gain([*taken, each])))
-    return taken

@@ -312,13 +312,14 @@ def _difference(first: BaseStates, second: BaseStates) -> Array:
     """Differences (4, K, 3) between two sets of base states: position, velocity,
     attitude and rate.
     """
-    turned = rotations_between(first.quaternion, second.quaternion)
-    others = [
-        getattr(second, name) - getattr(first, name)
-        for name in PARTS
-        if name != "attitude"
-    ]
-    return np.stack([*others[:2], turned, others[2]])
+    return np.stack(
+        [
+            second.position - first.position,
+            second.velocity - first.velocity,
+            rotations_between(first.quaternion, second.quaternion),
+            second.rate - first.rate,
+        ]
+    )
 
 
 def errors_of(ends: Ends, shares: Array) -> HorizonErrors:

@@ -15,7 +15,12 @@ from skyarm.identify.held_out import predict_held_out
 from skyarm.identify.identified_numbers import Identified
 from skyarm.identify.identify_windows import WHOLE, SearchOptions, identify_by_windows
 from skyarm.identify.isolate_fault import find_faults
-from skyarm.identify.log_checks import WARNED, LogFault, require_no_refusal
+from skyarm.identify.log_checks import (
+    WARNED,
+    LogFault,
+    faults_of,
+    require_no_refusal,
+)
 from skyarm.identify.logged_commands import as_samples
 from skyarm.identify.possible_numbers import doubtful_numbers, require_possible_numbers
 from skyarm.identify.unknowns import second_moments_of
@@ -130,13 +135,11 @@ def identify_aligned(
         [fault for each in (*parts, *held_out) for fault in find_faults(each, start)]
     )
     identified = identify_by_windows(flights, start, options, progress)
-    report(
-        [
-            _without_part(each)
-            for each, counts in zip(flights, identified.counted, strict=False)
-            if not counts
-        ]
-    )
+    finding = f"no part counts: nowhere {WHOLE:g} s in the air without a gap"
+    remedy = "leave it out, or fly longer"
+    for flight, counts in zip(flights, identified.counted, strict=False):
+        if not counts:
+            report(faults_of(flight.file, [(WARNED, "time", finding, remedy)]))
     report(doubtful_numbers(identified, start, flights[0].file, flights))
     if not held_out:
         return identified
@@ -148,19 +151,6 @@ def identify_aligned(
     return replace(
         identified,
         held_out=predict_held_out(identified, start, held_out, options, seen=flights),
-    )
-
-
-def _without_part(flight: FlightData) -> LogFault:
-    """Warning about a flight of which no part is long enough to be used."""
-    finding = f"no part counts: nowhere {WHOLE:g} s in the air without a gap"
-    remedy = "leave it out, or fly longer"
-    return LogFault(
-        severity=WARNED,
-        file=flight.file,
-        channel="time",
-        finding=finding,
-        remedy=remedy,
     )
 
 

@@ -278,15 +278,12 @@ def _verdict(
             finding = " and ".join(parts)
             if sizes[bad[0]] == math.inf:
                 finding = "flies to infinity under the commands"
-            remedy = (
-                "no change of a channel mends it: check the vehicle file; numbers may"
-                " be wrong by as much"
-            )
-            remedy = (
-                remedy
-                if search
-                else "skyarm show FLIGHT --vehicle FILE looks for the cause"
-            )
+            remedy = "skyarm show FLIGHT --vehicle FILE looks for the cause"
+            if search:
+                remedy = (
+                    "no change of a channel mends it: check the vehicle file; numbers"
+                    " may be wrong by as much"
+                )
             yield WARNED, "model", finding, remedy
 
 

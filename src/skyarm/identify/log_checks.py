@@ -217,24 +217,22 @@ def _missing(flight: FlightData, start: Vehicle) -> Iterator[Found]:
     """
     # speeds before signals, in the order in which commands are read
     commands = [name for name in COMMANDS[::-1] if name in flight][:1]
-    required = dict.fromkeys(IMU, ("is", "log it, or map its columns"))
+    imu = "log it, or map its columns"
     if flight.facts.get("vehicle") == SIMULATED:
         imu = (
             'name an inertial unit in the scenario ([sensors] imu = { kind = "imu" })'
             " and fly it again"
         )
-        required = dict.fromkeys(IMU, ("is", imu))
     measured = (
         "the measured rotor_speeds as rotor_speed_commands"
         if "rotor_speeds" in flight
         else "their columns"
     )
-    required |= (
-        {} if commands else {COMMANDS[0]: ("are", f"log them, or map {measured}")}
-    )
-    required |= (
-        {"joint_positions": ("are", "log them: they move its mass")} if start.n else {}
-    )
+    required = dict.fromkeys(IMU, ("is", imu))
+    if not commands:
+        required[COMMANDS[0]] = ("are", f"log them, or map {measured}")
+    if start.n:
+        required["joint_positions"] = ("are", "log them: they move its mass")
     for name, (verb, remedy) in required.items():
         if name not in flight:
             yield REFUSED, name, f"{verb} not in this flight", remedy

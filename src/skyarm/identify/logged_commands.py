@@ -195,13 +195,15 @@ def lift(vehicle: Vehicle, speeds: Array) -> Array:
     """Sum of the rotors' thrusts (K,) in N at K sets of speeds (K, rotors) in rad/s,
     regardless of rotor tilt.
     """
-    pairs = zip(vehicle.rotors, speeds.T, strict=True)
-    return np.asarray(
-        sum(
-            float(rotor.thrust_coefficient) * push(rotor, speed)
-            for rotor, speed in pairs
-        )
-    )
+    return np.asarray(sum(thrusts_of(vehicle, speeds)))
+
+
+def thrusts_of(vehicle: Vehicle, speeds: Array) -> list[Array]:
+    """Thrust (K,) of each rotor in N at K sets of speeds (K, rotors) in rad/s."""
+    return [
+        float(rotor.thrust_coefficient) * push(rotor, speed)
+        for rotor, speed in zip(vehicle.rotors, speeds.T, strict=True)
+    ]
 
 
 def flying_spans(commands: Channel, start: Vehicle) -> list[tuple[float, float]]:

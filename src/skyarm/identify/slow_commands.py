@@ -13,13 +13,13 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from skyarm.dynamics.actuators.mixer import allocation_matrix
-from skyarm.dynamics.actuators.rotor import push
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.series import columns_at, means_of, values_at
 from skyarm.identify.logged_commands import (
     command_samples,
     commanded_speeds,
     sampling_period,
+    thrusts_of,
 )
 from skyarm.records.arrays import doubles
 from skyarm.vehicle import Vehicle
@@ -89,14 +89,7 @@ def explained_rotation(
     samples = command_samples(commanded_speeds(flight, start))
     gyro = flight["gyro"]
     grid = np.arange(samples.time[0], samples.time[-1], GRID)
-    pairs = zip(start.rotors, values_at(samples, grid).T, strict=True)
-    pushes = np.stack(
-        [
-            float(rotor.thrust_coefficient) * push(rotor, speed)
-            for rotor, speed in pairs
-        ],
-        axis=1,
-    )
+    pushes = np.stack(thrusts_of(start, values_at(samples, grid)), axis=1)
     torques = pushes @ np.array(allocation_matrix(start), dtype=float)[:2].T
     inside = np.any(
         [(grid > begin + period) & (grid < end - period) for begin, end in spans],
