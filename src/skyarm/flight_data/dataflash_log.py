@@ -512,10 +512,10 @@ def _shares(
         return None
     throttle = f"RC{parameters.get('RCMAP_THROTTLE', 3.0):g}"
     motors = next((each for each in LIMITS if f"{each}_MAX" in parameters), LIMITS[0])
-    pairs = [(f"{each}_MIN", f"{each}_MAX") for each in (motors, throttle)]
     # a copter whose own range is 0 takes that of the throttle's channel (AP_Motors)
     limits = [
-        (parameters.get(low, 0.0), parameters.get(high, 0.0)) for low, high in pairs
+        (parameters.get(f"{each}_MIN", 0.0), parameters.get(f"{each}_MAX", 0.0))
+        for each in (motors, throttle)
     ]
     stated = [each for each in limits if each[1] > each[0] > 0.0]
     kind = parameters.get(f"{motors}_TYPE", 0.0)

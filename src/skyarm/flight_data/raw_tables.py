@@ -8,7 +8,7 @@ import re
 from bisect import bisect_left
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import chain, takewhile
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -549,25 +549,17 @@ def alike_outputs(
     """Columns of the first outputs that move and have the same least value: those of
     rotors; none if they are few.
     """
-    ends = [
-        (np.nanmin(outputs.columns[each]), np.nanmax(outputs.columns[each]))
-        for each in names
-    ]
-    alike = [
-        *takewhile(
-            # an output that never moves drives no rotor, so the least is below the most
-            lambda name: (
-                ends[names.index(name)][0] == ends[0][0] < ends[names.index(name)][1]
-            ),
-            names,
-        )
-    ]
+    sent = [outputs.columns[each] for each in names]
+    least, most = ([end(each) for each in sent] for end in (np.nanmin, np.nanmax))
+    # an output that never moves drives no rotor, so the least is below the most
+    moves = [a == least[0] < b for a, b in zip(least, most, strict=True)]
+    alike = names[: [*moves, False].index(False)]
     if len(alike) in COUNTS:
         notes.append(
             f"rotor_commands: {len(alike)} rotors are assumed, as so many outputs have"
             " the same least value."
         )
-        return alike
+        return [*alike]
     notes.append(
         "rotor_commands: are left out, as nothing says which outputs drive rotors; a"
         " columns.toml may do so."

@@ -122,19 +122,7 @@ OF_THRUST = (
 )
 """Note on commands from a topic of that type."""
 
-LISTS: Mapping[str, Mapping[str, str]] = {
-    "sensor_msgs/msg/JointState": {
-        "joint_positions": "position[]",
-        "joint_rates": "velocity[]",
-        "joint_efforts": "effort[]",
-    },
-    "mav_msgs/msg/Actuators": {"rotor_speeds": "angular_velocities[]"},
-    "actuator_msgs/msg/Actuators": {"rotor_speeds": "velocity[]"},
-    MOTORS: {"rotor_commands": "control[]"},
-    "mavros_msgs/msg/RCOut": {"rotor_commands": "channels[]"},
-    "mavros_msgs/msg/ESCStatus": {"rotor_speeds": "esc_status[].rpm"},
-    "mavros_msgs/msg/ESCTelemetry": {"rotor_speeds": "esc_telemetry[].rpm"},
-}
+LISTS: Mapping[str, Mapping[str, str]] = SOURCES["ros_lists"]
 """Message type -> quantity -> list with a number for each joint or rotor."""
 
 OUTPUTS, PULSES, SHARES = (
@@ -671,23 +659,21 @@ def _signals(
     if it has none.
     """
     table = tables[source.topic]
-    sent = {name: table.numbers(name) for name in source.columns}
-    sent = {
-        name: np.where((each >= PULSES[0]) & (each <= PULSES[1]), each, np.nan)
-        for name, each in sent.items()
-    }
-    pulses = replace(
-        table,
-        columns={name: each for name, each in sent.items() if np.isfinite(each).any()},
-    )
-    rotors = alike_outputs(pulses, [*pulses.columns], notes)
+    pulses = dict[str, Array]()
+    for name in source.columns:
+        sent = table.numbers(name)
+        is_pulse = (sent >= PULSES[0]) & (sent <= PULSES[1])
+        if is_pulse.any():
+            pulses[name] = np.where(is_pulse, sent, np.nan)
+    outputs = replace(table, columns=pulses)
+    rotors = alike_outputs(outputs, [*pulses], notes)
     if rotors:
         notes.append(
             "rotor_commands: limits of 1000 and 2000 us are assumed; a columns.toml may"
             " state others."
         )
     topic = SHARES.format(source.topic)
-    tables[topic] = shares_of(pulses, rotors, 1000.0, 2000.0)
+    tables[topic] = shares_of(outputs, rotors, 1000.0, 2000.0)
     return replace(source, columns=tuple(tables[topic].columns), topic=topic)
 
 
@@ -695,15 +681,10 @@ def _motor_shares(motors: RawTable) -> RawTable:
     """Shares of the motors' thrust, 0 of a motor that is stopped: NaN in some messages
     only.
     """
-    shares = {
-        name: each
-        for name, each in motors.columns.items()
-        if name.startswith("control[")
-    }
     stopped = {
         name: np.nan_to_num(each)
-        for name, each in shares.items()
-        if np.isfinite(each).any()
+        for name, each in motors.columns.items()
+        if name.startswith("control[") and np.isfinite(each).any()
     }
     return replace(motors, columns={**motors.columns, **stopped})
 
