@@ -459,7 +459,7 @@ def test_sensors_and_commands_of_one_flight_alone_are_none_in_the_others():
         ),
     ]
     windows = ClockedWindows(flights, QUAD, 0.1)
-    samples = windows.samples()
+    samples = windows.samples({})
     assert set(samples) == {"gyro", "position"}
     assert samples["gyro"].there.sum() == 800
     assert samples["position"].there.tolist() == [False] * 400 + [True] * 400
@@ -566,7 +566,7 @@ def test_first_states_are_those_of_parabolas(rate):
         "joint_positions": channel(even, (0.2 + 3.0 * even - even**2)[:, None]),
     }
     windows = ClockedWindows([clocked(size, channels=channels)], QUAD, 0.2)
-    found, t = windows.first_states(windows.samples()), STEP * windows.begins
+    found, t = windows.first_states(windows.samples({})), STEP * windows.begins
     assert found["position"] == pytest.approx(
         np.stack([t, 2.0 * t**2, 1.0 - t], axis=1), abs=1e-9
     )
@@ -592,7 +592,7 @@ def test_first_states_of_a_motion_through_zero_average_noise_over_50_ms_on_each_
     windows = ClockedWindows(
         [clocked(2000, channels={"gyro": channel(even, line + noise)})], QUAD, 0.1
     )
-    off = windows.first_states(windows.samples())["rate"] - (
+    off = windows.first_states(windows.samples({}))["rate"] - (
         STEP * windows.begins[:, None] - 2.0
     ) * [1.0, -2.0, 3.0]
     assert np.sqrt((off**2).mean()) == pytest.approx(
@@ -608,7 +608,7 @@ def test_first_states_without_a_pose_are_level_and_a_measured_velocity_counts():
         "velocity": channel(even, np.tile([1.0, 2.0, 3.0], (500, 1))),
     }
     windows = ClockedWindows([clocked(500, channels=rows)], QUAD, 0.2)
-    found = windows.first_states(windows.samples())
+    found = windows.first_states(windows.samples({}))
     assert (found["quaternion"] == [1.0, 0.0, 0.0, 0.0]).all()
     assert not found["position"].any()
     assert found["velocity"] == pytest.approx(
@@ -628,7 +628,7 @@ def test_a_first_state_takes_samples_of_its_own_flight_only():
         for i in range(3)
     ]
     windows = ClockedWindows(flights, QUAD, 0.1)
-    assert windows.first_states(windows.samples())["rate"] == pytest.approx(
+    assert windows.first_states(windows.samples({}))["rate"] == pytest.approx(
         np.tile(windows.owners[:, None].astype(float), (1, 3))
     )
     # few samples in all: what there is

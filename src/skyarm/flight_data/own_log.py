@@ -155,11 +155,9 @@ def measured_flight(log: Log, path: Path) -> FlightData:
         for key in ("scenario", "status", "digest")
         if key in log.info
     }
-    gravity = log.info.get("plant_gravity")
-    delay = written_at(log.info, "delays.command")
     given = {
-        "gravity": gravity,
-        "command_delay": delay,
+        "gravity": log.info.get("plant_gravity"),
+        "command_delay": written_at(log.info, "delays.command"),
         "start": log.time[0] if log.time.size else 0.0,
     }
     facts |= {
@@ -208,14 +206,13 @@ def _reading(log: Log, name: str, field: str, source: Source, array: Array) -> C
     measurement.
     """
     stamps = log.received.get(f"{name}.time")
-    # rows before the delay has passed repeat the first reading
-    rows = np.arange(
-        source.late if stamps is None else 0,
-        log.time.size,
-        source.every if stamps is None else 1,
-    )
-    late = source.late / float(log.info["rates_hz"]["control"])
-    time = log.time[rows] - late if stamps is None else stamps.ravel()
+    if stamps is None:
+        # rows before the delay has passed repeat the first reading
+        rows = np.arange(source.late, log.time.size, source.every)
+        time = log.time[rows] - source.late / float(log.info["rates_hz"]["control"])
+    else:
+        rows = np.arange(log.time.size)
+        time = stamps.ravel()
     finite = np.isfinite(array[rows]).all(axis=1) & np.isfinite(time)
     rows, time = rows[finite], time[finite]
     rising = rising_rows(time)

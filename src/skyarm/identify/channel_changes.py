@@ -166,12 +166,12 @@ def channel_changes(flight: FlightData, start: Vehicle) -> Iterator[ChannelChang
     yield ChannelChange(
         "pose", uneven, CLOCK, POSE, partial(by_time, _straight), severity=WARNED
     )
-    late: Mapping[str, tuple[str, ...]] = {
+    for name, names in {
         "pose": POSE,
         "velocity": ("velocity",),
         "joint_positions": JOINTS,
-    }
-    for name, names in {**late, ROTOR_COMMANDS: COMMANDS}.items():
+        ROTOR_COMMANDS: COMMANDS,
+    }.items():
         yield ChannelChange(
             name, SHIFTED, CLOCK, names, MOVED, SHIFTS, True, PRICE_AMOUNT
         )

@@ -39,7 +39,8 @@ def design_lines(found: DesignedFlight, vehicle: str, seconds: float) -> list[st
     rows = [
         (
             each.designed.title,
-            *map(_width, (each.designed.verdict, each.undesigned.verdict)),
+            each.designed.width,
+            each.undesigned.width,
             f"{each.ratio:.1f}",
         )
         for each in found.numbers
@@ -60,8 +61,3 @@ def design_lines(found: DesignedFlight, vehicle: str, seconds: float) -> list[st
         ),
         "Undesigned: the path on which tuned gains are validated, for as long.",
     ]
-
-
-def _width(verdict: str) -> str:
-    """Interval width as text, extracted from the verdict on a parameter."""
-    return verdict.removeprefix("excited (").removesuffix(")")

@@ -285,8 +285,8 @@ def ends_of(
     Predictions that leave what is usable before their end are none.
     """
     windows = errors.windows
-    step = errors.windows.step
-    left = loop.left(errors.windows)
+    step = windows.step
+    left = loop.left(windows)
     ends = [round(each / step) for each in horizons]
     last = max((k for k in ends if (left >= k).any()), default=0)
     flown = {
@@ -582,7 +582,7 @@ def one_step_errors(
     places = [each[long] for each, long in zip(places, each_of, strict=True)]
     errors = loop.windows(places, 2 * count * loop.flights[0].step)
     windows = errors.windows
-    begins = loop.begins(errors.windows)
+    begins = loop.begins(windows)
     residuals, there = errors.errors_at(NONE, window_states(begins))
     column = errors.rows.index(("accelerometer", 0))
     counted, left = there[:, :, column], residuals[:, :, column : column + 3]

@@ -60,16 +60,20 @@ class ExpectedNumber:
         return TITLES.get(self.name, self.name)
 
     @property
-    def verdict(self) -> str:
-        """Text: excited with the expected accuracy, or not excited in this flight."""
+    def width(self) -> str:
+        """Text of the half width of the expected interval, or that this flight does not
+        narrow it.
+        """
         if not self.is_excited:
             return NOT_EXCITED
-        width = (
-            f"{100.0 * self.relative:.2g} %"
-            if self.relative
-            else f"{self.half_width:.2g} {self.unit}".rstrip()
-        )
-        return f"excited (± {width})"
+        if self.relative:
+            return f"± {100.0 * self.relative:.2g} %"
+        return f"± {self.half_width:.2g} {self.unit}".rstrip()
+
+    @property
+    def verdict(self) -> str:
+        """Text: excited with the expected accuracy, or not excited in this flight."""
+        return f"excited ({self.width})" if self.is_excited else NOT_EXCITED
 
 
 def expected_numbers(

@@ -399,16 +399,14 @@ def _ground(
         for i in range(0, max(1, gyro.time.size - size), size)
     ]
     rests = float(np.median(pieces)) < MOVING
+    # without a position it neither rests nor climbs: NaN is on no side of a bound
+    extent = np.full(3, np.nan)
+    if "position" in flight:
+        extent = np.ptp(flight["position"].values, axis=0)
     # at rest, the gyroscope and a position agree; a gyroscope alone may be quiet
-    still = (
-        "position" in flight
-        and float(np.ptp(flight["position"].values, axis=0).max()) < RESTING
-    )
+    still = bool(extent.max() < RESTING)
     # a calm flight rests like one on the ground, but for its climb
-    climbed = (
-        "position" in flight
-        and float(np.ptp(flight["position"].values[:, 2])) > CLIMBED
-    )
+    climbed = bool(extent[2] > CLIMBED)
     airborne = sum(b - a for a, b in spans)
     brief = (
         REFUSED,

@@ -9,10 +9,10 @@ by side.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from itertools import islice
 
 import numpy as np
 
@@ -272,9 +272,19 @@ class OpenLoopPredictor:
         thrusts: Sequence[float] = (),
     ) -> None:
         self._vehicle = vehicle = without_tilts(vehicle)
-        # numbers of flights are told by names, which two may share
+        # numbers of flights are told by names, which two may share; joints that move as
+        # they were measured leave nothing to compare
         self.flights = [
-            replace(each, name=f"{i}: {each.name}") for i, each in enumerate(clocked)
+            replace(
+                each,
+                name=f"{i}: {each.name}",
+                channels={
+                    name: channel
+                    for name, channel in each.channels.items()
+                    if not name.startswith("joint")
+                },
+            )
+            for i, each in enumerate(clocked)
         ]
         every = [
             measured_states(flight, clock, about, vehicle.n)
@@ -345,10 +355,9 @@ class OpenLoopPredictor:
         lanes = WindowLanes(errors, NONE, window_states(begins))
         step = errors.windows.step
         inputs = lanes.flights.inputs
-        own_torque = lanes.flights.inputs["torque"].copy()
-        k = 0
+        own_torque = inputs["torque"].copy()
         try:
-            while True:
+            for k in itertools.count():
                 yield BaseStates(
                     *(lanes.flights.state[name].T.copy() for name in FIELDS)
                 )
@@ -357,7 +366,6 @@ class OpenLoopPredictor:
                     force, torque = np.split(pushes((k + 0.5) * step).T, 2)
                     inputs["force"][:], inputs["torque"][:] = force, own_torque + torque
                 lanes.advance(k)
-                k += 1
         finally:
             # threads of the lanes end with whoever stops reading
             lanes.close()
@@ -464,7 +472,7 @@ class OpenLoopFlight:
         errors = loop.windows([places_of(self._clocked, self._vehicle, steps)])
         windows = errors.windows
         begins = loop.begins(errors.windows)
-        flown = list(islice(loop.ahead(errors, begins), steps + 1))
+        flown = list(itertools.islice(loop.ahead(errors, begins), steps + 1))
         still = [begins.at_even_rates(k * step) for k in range(steps + 1)]
         # the last one ends with its part
         counts = np.minimum(loop.left(windows), steps) + 1

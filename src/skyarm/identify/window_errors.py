@@ -194,8 +194,8 @@ class WindowErrors:
         gravity: m/s^2.
         finer: least number of integration steps within a step.
         given: (3, steps, n) positions of the joints at the start of each step, rates
-            there, and accelerations in it, where joints move as they are told; of a
-            vehicle of :func:`with_heavy_joints`.
+            there, and accelerations in it, where joints move as they are told and are
+            no sensors of the windows; of a vehicle of :func:`with_heavy_joints`.
 
     Attributes:
         replay: simulated plant. names: names of the numbers. rows: (sensor, column) of
@@ -229,7 +229,7 @@ class WindowErrors:
         """Set samples and unknown states of the windows to simulate."""
         start, driven, servoed = self.start, self.driven, self.servoed
         windows = self.windows
-        self.samples = self._samples({})
+        self.samples = windows.samples({})
         self.taken = dict[str, float]()
         self._placed = 1
         n = start.n if self.given is None else 0
@@ -394,19 +394,7 @@ class WindowErrors:
             late["accelerometer"] = np.asarray(
                 delays["accelerometer"] - 0.5 * self.windows.step * self.averaged
             )
-        self.samples = self._samples(late)
-
-    def _samples(self, late: Mapping[str, float | Array]) -> dict[str, SensorSamples]:
-        """Samples of the compared sensors on the clock, for given delays (s)."""
-        samples = self.windows.samples(late)
-        if self.given is not None:
-            # joints that move as they were measured leave nothing to compare
-            samples = {
-                name: rows
-                for name, rows in samples.items()
-                if not name.startswith("joint")
-            }
-        return samples
+        self.samples = self.windows.samples(late)
 
     def over(self, windows: ClockedWindows) -> WindowErrors:
         """Residuals of other windows with the same clock step, on the same compiled

@@ -477,9 +477,7 @@ class ClockedWindows:
         last = self.firsts[self.owners + 1] - 1
         return np.asarray(np.clip(self.begins + k, first, last), dtype=np.int64)
 
-    def samples(
-        self, late: Mapping[str, float | Array] | None = None
-    ) -> dict[str, SensorSamples]:
+    def samples(self, late: Mapping[str, float | Array]) -> dict[str, SensorSamples]:
         """Samples of each sensor on the clock, all flights concatenated; marked absent
         where a sensor is missing.
 
@@ -500,7 +498,7 @@ class ClockedWindows:
             none = Channel(
                 time=np.zeros(0), values=np.zeros((0, widths[0])), source="none"
             )
-            delays = np.broadcast_to((late or {}).get(name, 0.0), len(self.flights))
+            delays = np.broadcast_to(late.get(name, 0.0), len(self.flights))
             parts = [
                 samples_on(each.channels.get(name, none), each.edges + delay)
                 for each, delay in zip(self.flights, delays, strict=True)
