@@ -9,26 +9,29 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import combinations, permutations, product
+from typing import Any
 
 import numpy as np
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.frames import to_our_attitude, turn_vectors
-from skyarm.flight_data.clocks import POSE
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.series import attitude_at
-from skyarm.identify.log_checks import COMMANDS, IMU, RANGE, REFUSED, UNIT, WARNED
+from skyarm.identify.log_checks import COMMANDS, IMU, RANGE, REFUSED, UNIT
 from skyarm.identify.logged_commands import highest_speeds
 from skyarm.records.arrays import Array, float_array, lengths
+from skyarm.records.files import shipped_tables
 from skyarm.records.immutable import positional
 from skyarm.vehicle import Rotor, Vehicle
 
-PRICE_OUT, PRICE_COLUMN, PRICE_AMOUNT, PRICE_WHOLE = 0.35, 0.003, 0.02, 0.1
-"""Costs: of a channel left out, of each column that a change alters, of a change by any
-amount, and of a change of all clocks or axes."""
+FAULTS: Sequence[Mapping[str, Any]] = shipped_tables(__file__)["fault"]
+"""Faults that are alike for all vehicles."""
+
+PRICE_COLUMN, PRICE_AMOUNT, PRICE_WHOLE = 0.003, 0.02, 0.1
+"""Costs: of each column that a change alters, of a change by any amount, and of a
+change of all axes."""
 
 MAP = "map its columns, their signs or its frame in columns.toml"
-SHIFTED = "stamps are off by {:+.0f} ms, + is late"
 CLOCK, LEAVE = "check the clocks", "leave it out, or take that of this flight"
 ORDER_ROTORS = (
     "order the columns as the vehicle's rotors, or the rotors of the vehicle file as"
@@ -39,10 +42,6 @@ ORDER_JOINTS = "order the columns as the vehicle's joints, and check their signs
 JOINTS = ("joint_positions", "joint_rates")
 ROTOR_COMMANDS = "rotor commands"
 """Common name of all channels of rotor commands."""
-
-OFF = (0.65, 0.8, 0.92, 1.09, 1.25, 1.5)
-SHIFTS = (-200.0, -50.0, 50.0, 200.0)
-"""Starting values of the search for a clock shift (ms)."""
 
 Channels = Mapping[str, Channel]
 
@@ -107,11 +106,6 @@ def by_time(
     }
 
 
-RESCALED = partial(by_rows, lambda rows, times: rows / times)
-MOVED = partial(by_time, lambda time, late: time - 1e-3 * late)
-STRETCHED = partial(by_time, lambda time, times: time / times)
-
-
 def leave_out(own: Channels, amount: float) -> Channels:
     """Correction that removes faulty channels: returns an empty mapping in place of
     them.
@@ -128,68 +122,21 @@ def channel_changes(flight: FlightData, start: Vehicle) -> Iterator[ChannelChang
         yield ChannelChange(
             "quaternion", words, MAP, ("quaternion",), partial(by_rows, meant)
         )
-    for name, unit, times in OTHER_UNITS:
-        yield ChannelChange(
-            name, f"it looks like {unit}", UNIT, (name,), RESCALED, (times,)
-        )
-    for name in (*IMU, "velocity", "position"):
-        yield ChannelChange(
-            name,
-            "is {:.4g} times what fits",
-            UNIT,
-            (name,),
-            RESCALED,
-            OFF,
-            True,
-            PRICE_AMOUNT,
-        )
-    if "velocity" in flight and "quaternion" in flight:
-        yield ChannelChange(
-            "velocity",
-            "is in axes of the base",
-            MAP,
-            ("velocity", "quaternion"),
-            _in_world,
-        )
-    speeds = (0.5, *OFF, 2.0)
-    yield ChannelChange(
-        "time",
-        "runs {:.3g} times as fast",
-        CLOCK,
-        tuple(flight),
-        STRETCHED,
-        speeds,
-        True,
-        PRICE_WHOLE,
-    )
-    uneven = "stamps are late by more or less than even ones"
-    yield ChannelChange(
-        "pose", uneven, CLOCK, POSE, partial(by_time, _straight), severity=WARNED
-    )
-    for name, names in {
-        "pose": POSE,
-        "velocity": ("velocity",),
-        "joint_positions": JOINTS,
-        ROTOR_COMMANDS: COMMANDS,
-    }.items():
-        yield ChannelChange(
-            name, SHIFTED, CLOCK, names, MOVED, SHIFTS, True, PRICE_AMOUNT
-        )
-    for name, part in {
-        "pose": 1.0,
-        "velocity": 0.5,
-        "joint_rates": 0.5,
-        "joint_efforts": 1.0,
-    }.items():
-        names = POSE if name == "pose" else (name,)
-        yield ChannelChange(
-            name,
-            "does not belong to this flight",
-            LEAVE,
-            names,
-            leave_out,
-            price=part * PRICE_OUT,
-        )
+    for row in FAULTS:
+        channel = row["channel"]
+        names = tuple(row.get("names", [channel]) or flight)
+        if all(name in flight for name in names) or "together" not in row:
+            yield ChannelChange(
+                channel,
+                row["words"],
+                REMEDIES[row["remedy"]],
+                names,
+                MAKES[row["make"]],
+                tuple(row.get("amounts", [1.0])),
+                row.get("between", False),
+                row.get("price", 0.0),
+                row.get("severity", REFUSED),
+            )
     yield from _of_rotors(flight, start.rotors)
     # words are formats of an amount
     yield from _of_joints(
@@ -247,20 +194,18 @@ READINGS: Mapping[str, Callable[[Array, float], Array]] = {
 }
 """Description -> quaternion that was meant, computed from the one that was read."""
 
-DEGREES = 180.0 / math.pi
-OTHER_UNITS = (
-    ("gyro", "deg/s", DEGREES),
-    ("gyro", "rad/s read as deg/s", 1.0 / DEGREES),
-    ("gyro", "mrad/s", 1e3),
-    ("velocity", "mm/s", 1e3),
-    ("velocity", "cm/s", 1e2),
-    ("position", "mm", 1e3),
-    ("position", "cm", 1e2),
-    ("joint_rates", "deg/s", DEGREES),
-    ("joint_efforts", "N mm", 1e3),
-    ("joint_efforts", "kN m", 1e-3),
-)
-"""Channel, unit that it may be in, and size of that unit in SI."""
+REMEDIES = {"unit": UNIT, "map": MAP, "clock": CLOCK, "leave": LEAVE}
+"""Key in the table of faults -> remedy."""
+
+MAKES: Mapping[str, Callable[[Channels, float], Channels]] = {
+    "rescaled": partial(by_rows, lambda rows, times: rows / times),
+    "moved": partial(by_time, lambda time, late: time - 1e-3 * late),
+    "stretched": partial(by_time, lambda time, times: time / times),
+    "straight": partial(by_time, _straight),
+    "in_world": _in_world,
+    "left_out": leave_out,
+}
+"""Key in the table of faults -> function of the channels at fault and the amount."""
 
 
 def _of_axes(flight: FlightData) -> Iterator[ChannelChange]:

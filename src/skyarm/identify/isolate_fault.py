@@ -27,7 +27,6 @@ from skyarm.identify.channel_changes import (
     MAP,
     ORDER_ROTORS,
     ROTOR_COMMANDS,
-    SHIFTED,
     ChannelChange,
     channel_changes,
     leave_out,
@@ -139,6 +138,10 @@ SECONDS, FLOWN, COARSE = 30.0, (20.0, 1e4), 4e-3
 """Duration (s) of a flight that is examined; range of gyroscope rates (Hz) whose
 windows are simulated; longest step (s) of a first search.
 """
+
+SHIFTED = "stamps are off by {:+.0f} ms, + is late"
+"""Finding of a delay beyond any loop's; the same as of shifted stamps in
+channel_changes.toml."""
 
 LATE_POSE = 0.05
 """Delay (s) of a pose above which it is reported although it is aligned."""
