@@ -11,8 +11,6 @@ import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from skyarm.algebra import ZERO3_DATA, Vec3
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.controller import autopilot_of
@@ -31,7 +29,6 @@ from skyarm.links.joint_port import JointPortError, JointServer
 from skyarm.links.transcript import Tape, TranscriptError
 from skyarm.log.flight_log import Log
 from skyarm.log.metrics.windows import Windows
-from skyarm.records.arrays import Array, doubles
 from skyarm.records.files import errors_as
 from skyarm.reference import Reference, Trajectory, hover
 from skyarm.scenario.in_flight import stretches
@@ -47,7 +44,6 @@ from skyarm.scenario.scenario_record import (
 from skyarm.sensing.sensor_kinds import mount_rotation
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.course import Course
-from skyarm.simulate.inputs import EpisodeInputs
 from skyarm.simulate.session import Session, Snapshot
 from skyarm.world.launch_stand import LaunchStand
 
@@ -237,26 +233,6 @@ def goal_of(reference: Reference) -> BaseGoal:
     )
 
 
-def goal_columns(inputs: EpisodeInputs) -> Array | None:
-    """Set points of all control periods as a table, (steps, 10): position, velocity,
-    acceleration, yaw.
-
-    None for a task whose phases wait for conditions, which has no such table.
-    """
-    if inputs.waits.guards:
-        return None
-    reference, steps = inputs.held_reference, inputs.scenario.steps
-    columns = (
-        *reference.position,
-        *reference.velocity,
-        *reference.acceleration,
-        reference.yaw,
-    )
-    return np.stack(
-        [np.broadcast_to(doubles(column), (steps,)) for column in columns], axis=1
-    )
-
-
 class PilotedSession(Session):
     """Session in which an autopilot's program flies the base: it reads the sensors and
     commands the rotors.
@@ -382,21 +358,7 @@ class PilotedSession(Session):
         self._signals: Sequence[float] = (
             stopped if self._link is None else self._signals
         )
-        (self._inputs,) = engine.inputs.each
-        self._goals: Array | None = goal_columns(self._inputs)
         self._goal = goal_of(self.reference)
-
-    def _next_goal(self) -> BaseGoal:
-        """Set point of the base for the next control period."""
-        (inputs,) = self._engine.inputs.each
-        # a changed scenario has new inputs and other set points
-        if inputs is not self._inputs:
-            self._inputs, self._goals = inputs, goal_columns(inputs)
-        if self._goals is None:
-            return goal_of(self.reference)
-        row = self._goals[self.tick].tolist()
-        # in the order of goal_columns
-        return BaseGoal(row[0:3], row[3:6], row[6:9], row[9])
 
     def _take_off(self, progress: Callable[[float, float], object] | None) -> bool:
         """Fly from the launch stand to the start; False if the flight ended before the
@@ -479,7 +441,7 @@ class PilotedSession(Session):
         if self._joint_server is not None:
             self._arm = row[engine.recorder.joint_columns]
         if tick % self._every == 0:
-            self._goal = self._next_goal()
+            self._goal = goal_of(self.reference)
         self._seconds = self._prepared + (tick - 1) * self._period
         self._tape.time = self._seconds
         self._state = row[1:14]
