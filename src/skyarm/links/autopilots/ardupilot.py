@@ -44,7 +44,7 @@ from skyarm.links.autopilots.guided_vehicle import GuidedVehicle
 from skyarm.links.autopilots.program import ProgramLink, find_program
 from skyarm.links.autopilots.px4_ports import JOINT_PORT, ONBOARD_PORT
 from skyarm.links.mavlink_vehicle import ARDUPILOT_NUMBER, ARM, TAKE_OFF
-from skyarm.links.sockets import Address, drain
+from skyarm.links.sockets import Address, drain, open_datagrams
 from skyarm.links.transcript import Tape
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import Plain
@@ -243,10 +243,7 @@ class ArduPilotLink(ProgramLink):
     ) -> None:
         """Open free ports, start ArduPilot on them, and accept its connection."""
         program = find_program(self._record, "arducopter")
-        self._udp = self._held.enter_context(
-            socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        )
-        self._udp.bind(("127.0.0.1", 0))
+        self._udp = self._held.enter_context(open_datagrams())
         self._udp.settimeout(0.2)
         with socket.create_server(("127.0.0.1", 0)) as listener:
             folder = self._make_folder()
@@ -537,6 +534,5 @@ def _free_port() -> int:
     """Free UDP port for ArduPilot's radio control input, which it opens even without a
     radio.
     """
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
+    with open_datagrams() as probe:
         return int(probe.getsockname()[1])
