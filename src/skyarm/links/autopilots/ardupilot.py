@@ -201,22 +201,19 @@ class ArduPilotLink(ProgramLink):
     """
 
     def __init__(self, record: ArduPilot, scenario: Scenario, tape: Tape) -> None:
-        super().__init__(record)
-        self._tape = tape
+        super().__init__(record, scenario, tape)
         model, rate = model_of(scenario), scenario.rates.control
         self._motors = fitting_frame(model.vehicle)[1]
         # MAVLink is exchanged at 50 Hz, the rate of the requested position messages
         self._period, self._goal_every = 1.0 / rate, max(1, rate // 50)
-        self._steps = self._repeated = 0
+        self._repeated = 0
         self._frame, self._arrived = -1, 0.0
         self._line = b""
-        self._signals: Numbers = (0.0,) * len(self._motors)
         self._vehicle = GuidedVehicle(
             ARDUPILOT_NUMBER, self._carry, record.parameters, system=1
         )
         self._ready, self._leaves, self._next = False, False, 0.0
         start = first_state(scenario)
-        self._stand = float(start.position.z) - record.climb
         self._planned = (float(start.position.x), float(start.position.y), self._stand)
         # yaw is positive to the left here, a heading to the right
         heading = -math.degrees(yaw_of(start.quaternion))

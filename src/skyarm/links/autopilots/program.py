@@ -17,9 +17,15 @@ from contextlib import ExitStack, contextmanager, suppress
 from itertools import islice
 from pathlib import Path
 
-from skyarm.links.autopilots.autopilot import Autopilot, LinkError, SimulatorLink
+from skyarm.links.autopilots.autopilot import (
+    Autopilot,
+    LinkError,
+    Numbers,
+    SimulatorLink,
+)
+from skyarm.links.transcript import Tape
 from skyarm.records.files import shown
-from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 
 LAST_WORDS = 400
 """Number of last characters of a program's output that a message repeats."""
@@ -195,10 +201,16 @@ class ProgramLink(SimulatorLink):
 
     Args:
         record: record of the autopilot.
+        scenario: scenario with the sensors and the control rate of the link.
+        tape: records the exchange, or plays one back in place of the program.
     """
 
-    def __init__(self, record: Autopilot) -> None:
-        self._record, self._title = record, record.title
+    def __init__(self, record: Autopilot, scenario: Scenario, tape: Tape) -> None:
+        self._record, self._title, self._tape = record, record.title, tape
+        self._stand = float(first_state(scenario).position.z) - record.climb
+        self._rotors = len(scenario.agent.vehicle.rotors)
+        self._signals: Numbers = (0.0,) * self._rotors
+        self._steps = 0
         self._child: Child | None = None
         self._tcp: socket.socket | None = None
         self._held = ExitStack()

@@ -40,7 +40,7 @@ from skyarm.links.sockets import drain
 from skyarm.links.transcript import Tape
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import Plain
-from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensing.navigation_sensors import Barometer, Gnss, Magnetometer
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle import Vehicle
@@ -160,11 +160,6 @@ class PX4Link(ProgramLink):
     """Connection to a running PX4: its process, the simulator's TCP stream, and the
     onboard MAVLink port.
 
-    Args:
-        record: options.
-        scenario: scenario with the sensors and the control rate of the link.
-        tape: records the exchange, or plays one back in place of the program.
-
     Raises:
         ScenarioError: no program, or a vehicle that PX4 cannot fly.
         LinkError: PX4 does not start or does not connect.
@@ -173,23 +168,18 @@ class PX4Link(ProgramLink):
     _record: PX4
 
     def __init__(self, record: PX4, scenario: Scenario, tape: Tape) -> None:
-        super().__init__(record)
-        self._tape = tape
+        super().__init__(record, scenario, tape)
         self._udp: socket.socket | None = None
         self._partner = ("", 0)
-        vehicle = scenario.agent.vehicle
-        self._rotors = len(vehicle.rotors)
-        self._signals = (0.0,) * self._rotors
         self._rate = scenario.rates.control
         # set points go out at 50 Hz
         self._goal_every = max(1, self._rate // 50)
-        self._stand = float(first_state(scenario).position.z) - record.climb
         self._sensors = SensorMessages()
         self._simulator, self._sequence = mavlink.Parser(), 0
         self._vehicle = GuidedVehicle(
             PX4_NUMBER, self._carry, record.parameters, datagrams=True
         )
-        self._row = self._steps = self._answered = self._missed = self._failsafes = 0
+        self._row = self._answered = self._missed = self._failsafes = 0
         self._silence = 0.0
         self._armed = self._ready = self._leaves = self._failing = False
         model = model_of(scenario)
