@@ -151,6 +151,21 @@ class MavlinkVehicle:
         self.parameters: dict[str, float] = {}
         self._requested: set[str] = set()
 
+    @property
+    def title(self) -> str:
+        """Name of the autopilot; empty before its first heartbeat."""
+        return "" if self.modes is None else self.modes.title
+
+    @property
+    def obeys(self) -> bool:
+        """True if the autopilot is in the mode that takes external set points."""
+        return self.modes is not None and self.modes.is_outside(self.mode)
+
+    @property
+    def holds(self) -> bool:
+        """True if the autopilot is in the mode that holds its position."""
+        return self.modes is not None and self.modes.is_hold(self.mode)
+
     def tell(self, name: str, **fields: FieldValue) -> None:
         """Send a MAVLink message.
 

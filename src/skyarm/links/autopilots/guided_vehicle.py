@@ -174,16 +174,6 @@ class GuidedVehicle(MavlinkVehicle):
                 self.request_parameter(name)
         return False
 
-    @property
-    def obeys(self) -> bool:
-        """True if the autopilot is in the mode that takes external set points."""
-        return self.numbers.is_outside(self.mode)
-
-    @property
-    def holds(self) -> bool:
-        """True if the autopilot is in the mode that holds its position."""
-        return self.numbers.is_hold(self.mode)
-
     def require_obedience(self, armed: bool, seconds: float) -> None:
         """Raise an error if the vehicle is disarmed or has left the mode for external
         set points for too long.

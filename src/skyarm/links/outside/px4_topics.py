@@ -1,5 +1,5 @@
-"""Topics of PX4's uXRCE-DDS client for an external control law: message types, fields,
-and mode bits.
+"""Topics of PX4's uXRCE-DDS client for an external control law: message types and
+their fields.
 
 Facts of PX4 v1.17 and v1.18: its client publishes below ``/fmu/out`` and reads below
 ``/fmu/in``, each topic at 100 Hz at most, with times in microseconds of its own clock,
@@ -109,6 +109,3 @@ IN: Mapping[str, str] = {
 
 MOST_MOTORS = 12
 """Number of motors in a set point."""
-
-OFFBOARD_BIT, AUTO_BIT = 1, 2
-"""Bits of a mode: it accepts external set points; it flies autonomously."""
