@@ -240,20 +240,7 @@ def first_plant(results: Record) -> str:
     """Kind of plant that was simulated first, which differences and figures refer
     to.
     """
-    named = results.get("settings", {}).get("plants")
-    if named:
-        return str(named[0])
-    cases = results.get("experiments", {}).values()
-    laws = [cells for case in cases for cells in case.values()]
-    cells = [cell for each in laws for cell in each.values()]
-    return next(
-        (
-            plant
-            for plant in PLANTS
-            if any(cell.get(plant) is not None for cell in cells)
-        ),
-        PLANTS[0],
-    )
+    return str(results.get("settings", {}).get("plants", PLANTS)[0])
 
 
 def settings(logs: Sequence[Log]) -> Facts:
