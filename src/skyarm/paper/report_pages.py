@@ -457,7 +457,7 @@ def report_pages(
         for each case. Scripts, styles and images are inside; no address is outside the
         folder.
     """
-    experiments = results.get("experiments", {})
+    experiments = results["experiments"]
     plant = first_plant(results)
     drawn = pictures or {}
     files = case_files(experiments)
@@ -519,7 +519,7 @@ def _counts(results: Record, plant: str) -> str:
     """HTML section with all counts of agreement, their rule, and the reversed orders of
     the laws.
     """
-    experiments = results.get("experiments", {})
+    experiments = results["experiments"]
     folded = details("Within 25, 10 and 5 %, on both plants", counts_table(experiments))
     return paragraph(RULE) + folded + reversed_list(experiments, plant)
 
