@@ -286,6 +286,8 @@ class PilotedSession(Session):
         self._joint_server: JointServer | None = None  # the port from the hand-over on
         self._wall, self._late = 0.0, 0
         self._state: list[float] = []  # true, at the last exchange
+        stopped = (0.0,) * len(planned.agent.vehicle.rotors)
+        self._signals: Sequence[float] = stopped
         # measured, the last period's: a program outside gets what an encoder reads
         self._arm: list[float] = []
         super().__init__(take_off, machine_code=machine_code)
@@ -344,20 +346,12 @@ class PilotedSession(Session):
             self._late += 1
 
     def _begin_flight(self) -> None:
-        """Prepare the columns of sensor readings, the set points and the rotor signals
-        when the flight begins.
-        """
-        engine = self._engine
-        self._columns, self._source = engine.recorder.reading_columns, engine
+        """Prepare set point, clock and axes of the inertial unit when a flight begins."""
         # drivers turn what they read into base axes; the place is a parameter of the
         # autopilot
         self._axes = mount_rotation(inertial_unit(self.scenario).turned_by)
         self._every = self.scenario.rates.control // self.scenario.rates.reference
         self._period = self.scenario.rates.period
-        stopped = (0.0,) * len(self.scenario.agent.vehicle.rotors)
-        self._signals: Sequence[float] = (
-            stopped if self._link is None else self._signals
-        )
         self._goal = goal_of(self.reference)
 
     def _take_off(self, progress: Callable[[float, float], object] | None) -> bool:
@@ -434,18 +428,18 @@ class PilotedSession(Session):
         if not going:
             self.close()
             return False
-        engine, tick = self._engine, self.tick
-        if engine is not self._source:
-            self._columns, self._source = engine.recorder.reading_columns, engine
-        row = engine.recorder.row(tick - 1).tolist()
+        recorder, tick = self._engine.recorder, self.tick
+        row = recorder.row(tick - 1).tolist()
         if self._joint_server is not None:
-            self._arm = row[engine.recorder.joint_columns]
+            self._arm = row[recorder.joint_columns]
         if tick % self._every == 0:
             self._goal = goal_of(self.reference)
         self._seconds = self._prepared + (tick - 1) * self._period
         self._tape.time = self._seconds
         self._state = row[1:14]
-        readings = {name: row[where] for name, where in self._columns.items()}
+        readings = {
+            name: row[where] for name, where in recorder.reading_columns.items()
+        }
         for reading in readings.values():
             reading[0] += self._prepared  # the clock of the link goes on at hand-over
         if self._axes is not None:
