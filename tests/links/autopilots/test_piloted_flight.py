@@ -32,7 +32,6 @@ from skyarm.links.autopilots.autopilot import (
     SensedInstant,
     SimulatorLink,
     controller_with,
-    model_of,
     move_arm,
     plain_parameters,
     require_rotors,
@@ -351,7 +350,7 @@ def test_the_autopilot_is_told_the_model_and_the_rotors_are_the_plants(
     changed = dataclasses.replace(
         scenario, plant=dataclasses.replace(scenario.plant, vehicle=heavy)
     )
-    assert model_of(changed).vehicle == vehicle
+    assert changed.agent.model.vehicle == vehicle
     endless = tuple(
         dataclasses.replace(rotor, max_speed=float("inf")) for rotor in vehicle.rotors
     )

@@ -37,7 +37,6 @@ from skyarm.links.autopilots.autopilot import (
     Numbers,
     Preparation,
     SensedInstant,
-    model_of,
     place_parameters,
 )
 from skyarm.links.autopilots.guided_vehicle import GuidedVehicle
@@ -202,7 +201,7 @@ class ArduPilotLink(ProgramLink):
 
     def __init__(self, record: ArduPilot, scenario: Scenario, tape: Tape) -> None:
         super().__init__(record, scenario, tape)
-        model, rate = model_of(scenario), scenario.rates.control
+        model, rate = scenario.agent.model, scenario.rates.control
         self._motors = fitting_frame(model.vehicle)[1]
         # MAVLink is exchanged at 50 Hz, the rate of the requested position messages
         self._period, self._goal_every = 1.0 / rate, max(1, rate // 50)

@@ -40,7 +40,6 @@ from skyarm.links.autopilots.autopilot import (
     Patience,
     Preparation,
     SensedInstant,
-    model_of,
 )
 from skyarm.links.autopilots.betaflight_process import (
     HALT,
@@ -162,7 +161,7 @@ class BetaflightLink(ProgramLink):
 
     def __init__(self, record: Betaflight, scenario: Scenario, tape: Tape) -> None:
         super().__init__(record, scenario, tape)
-        model = model_of(scenario)
+        model = scenario.agent.model
         vehicle, gravity = model.vehicle, float(model.gravity)
         self._period = scenario.rates.period
         self._sticks = Sticks(vehicle, gravity)

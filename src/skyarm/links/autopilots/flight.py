@@ -22,7 +22,6 @@ from skyarm.links.autopilots.autopilot import (
     SensedInstant,
     SimulatorLink,
     inertial_unit,
-    model_of,
     require_rotors,
 )
 from skyarm.links.joint_port import JointPortError, JointServer
@@ -79,7 +78,9 @@ def planned_scenario(scenario: Scenario) -> Scenario:
     """
     autopilot: Autopilot = autopilot_of(scenario.agent.controller)
     require_free_flight(scenario)
-    require_rotors(scenario.agent.vehicle, model_of(scenario).vehicle, autopilot.title)
+    require_rotors(
+        scenario.agent.vehicle, scenario.agent.model.vehicle, autopilot.title
+    )
     if autopilot.outside:
         _ = autopilot.outside_ports  # refuses an autopilot without any
         if autopilot.transcript or autopilot.replayed:
@@ -346,7 +347,7 @@ class PilotedSession(Session):
             self._late += 1
 
     def _begin_flight(self) -> None:
-        """Prepare set point, clock and axes of the inertial unit when a flight begins."""
+        """Prepare set point, clock and inertial axes when a flight begins."""
         # drivers turn what they read into base axes; the place is a parameter of the
         # autopilot
         self._axes = mount_rotation(inertial_unit(self.scenario).turned_by)

@@ -28,7 +28,6 @@ from skyarm.links.autopilots.autopilot import (
     LinkError,
     Numbers,
     SensedInstant,
-    model_of,
 )
 from skyarm.links.autopilots.guided_vehicle import GuidedVehicle
 from skyarm.links.autopilots.program import ProgramLink, find_program
@@ -182,7 +181,8 @@ class PX4Link(ProgramLink):
         self._row = self._answered = self._missed = self._failsafes = 0
         self._silence = 0.0
         self._armed = self._ready = self._leaves = self._failing = False
-        model = model_of(scenario)
+        # the nominal one, as of a real vehicle: the simulated plant may differ from it
+        model = scenario.agent.model
         needed = vehicle_parameters(
             model.vehicle, float(model.gravity)
         ) | sensor_parameters(scenario)
