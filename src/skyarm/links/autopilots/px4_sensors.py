@@ -47,10 +47,8 @@ def to_geodetic(north: float, east: float, up: float, origin: Geodetic) -> Geode
         the ellipsoid in m.
 
     Raises:
-        ValueError: one line: a latitude beyond 90 degrees, or a number that is not
-            finite.
+        ValueError: one line: a coordinate that is not finite.
     """
-    require_geodetic(origin)
     if not all(map(math.isfinite, (north, east, up))):
         raise ValueError(
             f"position = [{north:g}, {east:g}, {up:g}]: must be finite numbers, m"
@@ -102,21 +100,6 @@ def from_earth_fixed(x: float, y: float, z: float) -> Geodetic:
     # not p / cos(latitude) - N, which is singular at the poles
     height = outwards * math.cos(latitude) + z * sin_lat - ellipsoid
     return math.degrees(latitude), math.degrees(math.atan2(y, x)), height
-
-
-def require_geodetic(point: Geodetic) -> None:
-    """Raise an error for a latitude beyond 90 degrees or for numbers that are not
-    finite.
-
-    Raises:
-        ValueError: one line with the value and what is allowed.
-    """
-    if not (all(map(math.isfinite, point)) and abs(point[0]) <= 90.0):
-        given = ", ".join(f"{each:g}" for each in point)
-        raise ValueError(
-            f"origin = [{given}]: must be a latitude from -90 to 90 degrees, a"
-            " longitude and a height in m"
-        )
 
 
 HOME: Geodetic = (47.397742, 8.545594, 488.0)
