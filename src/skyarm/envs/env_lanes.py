@@ -48,7 +48,7 @@ class EpisodeStarts:
     """
 
     def __init__(self, program: EnvProgram, lanes: int, dtype: npt.DTypeLike) -> None:
-        self._program, self._lanes, self._dtype = program, lanes, dtype
+        self._program, self._dtype = program, dtype
         self._start = program.trace_start()
         self.varies = bool(self._start.inputs)
         # 1 to 64 episodes ahead, chosen

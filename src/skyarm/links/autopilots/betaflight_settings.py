@@ -193,19 +193,20 @@ def console_lines(
     mix, loops = vehicle_loops(vehicle, gravity)
     for i, row in enumerate(mix):
         lines.append(f"mmix {i} " + " ".join(f"{share:.4f}" for share in row))
-    lines += ["feature -GPS", "feature -TELEMETRY", "feature AIRMODE"]
     lines += [
+        "feature -GPS",
+        "feature -TELEMETRY",
+        "feature AIRMODE",
+        # armed by the fifth channel, angle mode by the sixth
         "aux 0 0 0 1700 2100 0 0",
         "aux 1 1 1 1700 2100 0 0",
-    ]  # armed by the fifth channel, angle mode by the sixth
-    choices = {
-        "rates_type": "ACTUAL",
-        "rc_smoothing": "OFF",
-        "runaway_takeoff_prevention": "OFF",
-        "iterm_relax": "OFF",
-        "simplified_pids_mode": "OFF",
-        "tpa_mode": "D",
-    }
+        "set rates_type = ACTUAL",
+        "set rc_smoothing = OFF",
+        "set runaway_takeoff_prevention = OFF",
+        "set iterm_relax = OFF",
+        "set simplified_pids_mode = OFF",
+        "set tpa_mode = D",
+    ]
     numbers: dict[str, float] = {
         "min_check": LOWEST_STICK,
         "motor_idle": round(IDLE * 1e4),
@@ -223,11 +224,7 @@ def console_lines(
     for axis, rate in (("roll", 20), ("pitch", 20), ("yaw", round(YAW_LIMIT / 10))):
         numbers |= {f"{axis}_rc_rate": rate, f"{axis}_srate": rate, f"{axis}_expo": 0}
     numbers |= loops | dict(parameters)
-    return (
-        lines
-        + [f"set {name} = {value}" for name, value in choices.items()]
-        + [f"set {name} = {value:g}" for name, value in numbers.items()]
-    )
+    return lines + [f"set {name} = {value:g}" for name, value in numbers.items()]
 
 
 class Sticks:

@@ -169,7 +169,8 @@ class GuidedVehicle(MavlinkVehicle):
             time - self._requested_at >= REPLY
             or not self._requested & self._unread.keys()
         ):
-            self._requested_at, self._requested = time, {*list(self._unread)[:FEW]}
+            self._requested_at = time
+            self._requested.clear()
             for name in list(self._unread)[:FEW]:
                 self.request_parameter(name)
         return False
