@@ -22,7 +22,6 @@ from skyarm.records.files import shown
 from skyarm.records.leaves import rebuild
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import start_draws
 from skyarm.simulate.lane_numbers import checked_array
 from skyarm.simulate.pictures import ArrivingPictures, Present
@@ -189,9 +188,7 @@ class EnvLanes:
         self.seeds: Array = np.zeros(lanes, dtype=np.uint64)
         self.ended = np.zeros(lanes, dtype=bool)
         self.truncated = np.zeros(lanes, dtype=bool)
-        statuses = (ending.status for ending in endings_of(task.scenario))
-        # numbers count from 1; the last one is of a command that was not finite
-        self.statuses = np.array(["", *statuses, "diverged"], dtype=object)
+        self.statuses = np.array(self.program.statuses, dtype=object)
         self._every = np.arange(lanes)
         self.reseed(self._every, np.zeros(lanes, dtype=np.uint64))
 
