@@ -206,33 +206,23 @@ def results(
         settings: settings that determine the numbers.
         inferred: metrics under the inferred settings, which each cell holds by plant.
     """
-    experiments: Facts = {}
-    settled = inferred or {}
-    for case in CASES:
-        experiments[case] = {}
-        for controller in CONTROLLERS:
-            ours = {
-                plant: measured.get((case, controller, plant), {}) for plant in PLANTS
+    experiments: Facts = {case: {} for case in CASES}
+    for case, controller in product(CASES, CONTROLLERS):
+        published = PAPER[case][controller]
+        stated, settled = (
+            {plant: each.get((case, controller, plant), {}) for plant in PLANTS}
+            for each in (measured, inferred or {})
+        )
+        experiments[case][controller] = {
+            name: {
+                "paper": published.get(name),
+                **{plant: found.get(name) for plant, found in stated.items()},
+                "inferred": {
+                    plant: found.get(name) for plant, found in settled.items()
+                },
             }
-            names = dict.fromkeys(
-                [
-                    *PAPER[case][controller],
-                    *(name for plant in PLANTS for name in ours[plant]),
-                ]
-            )
-            experiments[case][controller] = {
-                name: (
-                    {"paper": PAPER[case][controller].get(name)}
-                    | {p: ours[p].get(name) for p in PLANTS}
-                    | {
-                        "inferred": {
-                            p: settled.get((case, controller, p), {}).get(name)
-                            for p in PLANTS
-                        }
-                    }
-                )
-                for name in names
-            }
+            for name in dict.fromkeys(chain(published, *stated.values()))
+        }
     return {"schema": 1, "experiments": experiments, "settings": settings}
 
 
