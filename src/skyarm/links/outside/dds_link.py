@@ -19,13 +19,9 @@ from skyarm.links.outside.offboard_link import OffboardError
 from skyarm.links.outside.outside_law import MotorCommand, SetPoint
 from skyarm.links.outside.px4_topics import (
     ALIVE,
-    ANSWER,
     COMMAND,
     DEFINITIONS,
     IN,
-    INERTIAL,
-    LANDED,
-    MODE,
     MOST_MOTORS,
     MOTORS,
     ODOMETRY,
@@ -96,13 +92,11 @@ class DdsLink(Estimates):
         self.beaten, self.lost = -math.inf, 0
         self.round_trips: tuple[float, ...] = ()
         self._readers = {
-            INERTIAL: self._hear_inertial,
-            ODOMETRY: self._hear_odometry,
-            MODE: self._hear_mode,
-            LANDED: self._hear_landed,
-            ANSWER: self._hear_answer,
-            # v1.17 marks the type's version in the topic's name: either name is read
-            f"{ANSWER}_v1": self._hear_answer,
+            "px4_msgs/VehicleOdometry": self._hear_odometry,
+            "px4_msgs/SensorCombined": self._hear_inertial,
+            "px4_msgs/VehicleControlMode": self._hear_mode,
+            "px4_msgs/VehicleLandDetected": self._hear_landed,
+            "px4_msgs/VehicleCommandAck": self._hear_answer,
         }
 
     @property
@@ -117,15 +111,15 @@ class DdsLink(Estimates):
         arrived.
         """
         self._node.wait(seconds)
-        for topic, reader in self._readers.items():
+        for topic, kind in OUT.items():
             for data in self._node.take(self._space + topic):
                 try:
-                    message = decode(OUT[topic], DEFINITIONS, data)
+                    message = decode(kind, DEFINITIONS, data)
                 except MessageError:
                     # a message of another definition is no reason to end a flight
                     self.lost += 1
                     continue
-                reader(message)
+                self._readers[kind](message)
 
     def beat(self) -> None:
         """Send no heartbeat, since each set point shows PX4 that this program is

@@ -73,32 +73,25 @@ TYPES: Mapping[str, str] = {
 """Message type -> its fields in v1.17, by which DDS matches it; PX4's own agent matches
 by the name alone."""
 
-ODOMETRY, INERTIAL, MODE, LANDED, ANSWER = (
-    f"/fmu/out/{name}"
-    for name in (
-        "vehicle_odometry",
-        "sensor_combined",
-        "vehicle_control_mode",
-        "vehicle_land_detected",
-        "vehicle_command_ack",
-    )
-)
-
-COMMAND, ALIVE, MOTORS = (
-    f"/fmu/in/{name}"
-    for name in ("vehicle_command", "offboard_control_mode", "actuator_motors")
-)
+ODOMETRY = "/fmu/out/vehicle_odometry"
 
 OUT: Mapping[str, str] = {
+    # taken before the estimates, which carry the newest force
+    "/fmu/out/sensor_combined": "px4_msgs/SensorCombined",
     ODOMETRY: "px4_msgs/VehicleOdometry",
-    INERTIAL: "px4_msgs/SensorCombined",
-    MODE: "px4_msgs/VehicleControlMode",
-    LANDED: "px4_msgs/VehicleLandDetected",
-    ANSWER: "px4_msgs/VehicleCommandAck",
-    f"{ANSWER}_v1": "px4_msgs/VehicleCommandAck",
+    "/fmu/out/vehicle_control_mode": "px4_msgs/VehicleControlMode",
+    "/fmu/out/vehicle_land_detected": "px4_msgs/VehicleLandDetected",
+    "/fmu/out/vehicle_command_ack": "px4_msgs/VehicleCommandAck",
+    "/fmu/out/vehicle_command_ack_v1": "px4_msgs/VehicleCommandAck",
 }
 """Topic that PX4 publishes -> its type; v1.17 marks the second version of a type in the
 topic's name."""
+
+COMMAND, ALIVE, MOTORS = (
+    "/fmu/in/vehicle_command",
+    "/fmu/in/offboard_control_mode",
+    "/fmu/in/actuator_motors",
+)
 
 IN: Mapping[str, str] = {
     COMMAND: "px4_msgs/VehicleCommand",
