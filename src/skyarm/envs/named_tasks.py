@@ -5,7 +5,7 @@ observation and reward, which ``registered_environments.toml`` lists.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib import resources
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from skyarm.envs.action_kinds import ACTIONS, Actions
@@ -72,10 +72,8 @@ def task_scenario(name: str) -> Scenario:
     Raises:
         ScenarioError: there is none of this name.
     """
-    with resources.as_file(
-        resources.files("skyarm.envs") / "tasks" / f"{named_task(name).file}.toml"
-    ) as path:
-        return load_scenario(path)
+    tasks = Path(__file__).with_name("tasks")
+    return load_scenario(tasks / f"{named_task(name).file}.toml")
 
 
 def named_task(name: str) -> NamedTask:

@@ -190,11 +190,6 @@ def _printable(line: str) -> str:
     return "".join(c for c in plain if c.isprintable()).strip()
 
 
-def make_folder(autopilot: Autopilot) -> Path:
-    """Make a temporary folder for a program to run in."""
-    return Path(tempfile.mkdtemp(prefix=f"skyarm_{autopilot.name}_"))
-
-
 class ProgramLink(SimulatorLink):
     """Connection to a program that it starts itself; closing it ends the process and
     removes folder and sockets.
@@ -235,7 +230,7 @@ class ProgramLink(SimulatorLink):
 
     def _make_folder(self) -> Path:
         """Make a temporary folder for the program, which is removed with the link."""
-        folder = make_folder(self._record)
+        folder = Path(tempfile.mkdtemp(prefix=f"skyarm_{self._record.name}_"))
         self._held.callback(shutil.rmtree, folder, ignore_errors=True)
         return folder
 
