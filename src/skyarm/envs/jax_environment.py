@@ -292,7 +292,7 @@ def _value(given: Values, unit: Array) -> Array:
     return jnp.asarray(given.values, unit.dtype)[index]
 
 
-QUANTILES: dict[type, Callable[[Any, Array], Array]] = {
+QUANTILES: dict[type, Callable[[Any, Any], Any]] = {
     Uniform: Uniform.quantile,
     LogUniform: (
         lambda given, unit: given.low * jnp.exp(np.log(given.high / given.low) * unit)
