@@ -4,6 +4,7 @@ states.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -61,7 +62,7 @@ class EpisodeStarts:
                 np.zeros(1, dtype=np.uint64), np.zeros(1, dtype=np.int64)
             )
 
-    def seed(self, lanes: Array, seeds: Array) -> None:
+    def seed(self, lanes: Array, seeds: Sequence[int]) -> None:
         """Assign new random seeds to parallel episodes and restart their episode count
         at 0.
         """
@@ -190,9 +191,9 @@ class EnvLanes:
         self.truncated = np.zeros(lanes, dtype=bool)
         self.statuses = np.array(self.program.statuses, dtype=object)
         self._every = np.arange(lanes)
-        self.reseed(self._every, np.zeros(lanes, dtype=np.uint64))
+        self.reseed(self._every, [0] * lanes)
 
-    def reseed(self, lanes: Array, seeds: Array) -> None:
+    def reseed(self, lanes: Array, seeds: Sequence[int]) -> None:
         """Start episode 0 with new random seeds in some SIMD lanes."""
         self.seeds[lanes] = seeds
         self._starts.seed(lanes, seeds)
