@@ -344,6 +344,7 @@ class EnvProgram:
         # from the last to the first, so that the first that holds has the last word
         for index in range(len(endings), 0, -1):
             fine = endings[index - 1].fine(scenario, state, goal, 0)
+            # a literal True: the ending does not apply, and costs no operation
             if fine is not True:
                 number = where(fine, number, float(index))
         return number

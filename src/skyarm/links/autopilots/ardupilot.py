@@ -101,7 +101,8 @@ PHYSICS_LINE = (
     '\n{"timestamp":%r,"imu":{"gyro":[%.9g,%.9g,%.9g],"accel_body":[%.9g,%.9g,%.9g]},"position":[%r,%r,%r],'
     '"quaternion":[%.9g,%.9g,%.9g,%.9g],"velocity":[%.9g,%.9g,%.9g],"no_time_sync":1}\n'
 )
-"""Answer to a frame; ArduPilot finds a key by the first occurrence of its letters."""
+"""Answer to a frame; ArduPilot finds a key by the first occurrence of its letters, and
+reads ``no_time_sync`` as a whole number: ``true`` would count as 0."""
 
 
 OUTSIDE_PARAMETERS = {
@@ -139,6 +140,8 @@ class ArduPilot(Autopilot):
     name: ClassVar[str] = "ardupilot"
     title: ClassVar[str] = "ArduPilot"
     variable: ClassVar[str] = "SKYARM_ARDUPILOT"
+    # it does not arm while its gyroscope is read at less than 1.8 times the rate of its
+    # loop of 400 Hz
     least_rate: ClassVar[int] = 800
 
     def sensors(self, vehicle: Vehicle) -> Mapping[str, Sensor]:

@@ -109,6 +109,7 @@ class PX4(Autopilot):
     name: ClassVar[str] = "px4"
     title: ClassVar[str] = "PX4"
     variable: ClassVar[str] = "SKYARM_PX4"
+    # measured: its estimator, arming and hover work at this rate
     least_rate: ClassVar[int] = 250
 
     def sensors(self, vehicle: Vehicle) -> Mapping[str, Sensor]:
@@ -206,6 +207,7 @@ class PX4Link(ProgramLink):
                 f"PX4_PARAM_{name}": f"{value:.9g}"
                 for name, value in parameters.items()
             }
+            # a model that starts no simulator: PX4 waits for the one at our port
             environment["PX4_SIM_MODEL"] = "none_iris"
             folder = self._make_folder()
             ours, theirs = ports.onboard.getsockname()[1], ports.partner[1]
