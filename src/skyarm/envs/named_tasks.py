@@ -1,5 +1,7 @@
 """Shipped environments: each a scenario file in this folder with default actions,
-observation and reward, which ``registered_environments.toml`` lists.
+observation and reward.
+
+``registered_environments.toml`` lists them.
 """
 
 from __future__ import annotations

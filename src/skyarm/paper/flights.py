@@ -38,7 +38,7 @@ HOLDS = (Window(9.0, 12.0), Window(16.0, 19.0))
 """Case 1: the last 3 s of each hold of 5 s (7-12 s and 14-19 s)."""
 
 _TABLES = shipped_tables(__file__)
-"""Metrics of each case, and names in skyarm where those of the tables are others."""
+"""Metrics of each case, and the catalogue's names for those of another name."""
 
 Metrics = dict[str, float | None]
 
