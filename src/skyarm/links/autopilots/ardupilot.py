@@ -17,7 +17,6 @@ import socket
 import struct
 import time
 from collections.abc import Mapping
-from itertools import chain
 from typing import ClassVar
 
 from skyarm.algebra.frames import to_our_attitude, to_our_axes
@@ -185,15 +184,15 @@ def physics_line(time: float, imu: Numbers, state: Numbers) -> bytes:
         state: position, quaternion and velocity, then what is not used, in the order of
             :class:`skyarm.dynamics.State`.
     """
-    _, p, q, r, fx, fy, fz = imu
-    x, y, z, qw, qx, qy, qz, vx, vy, vz = state[:10]
-    turned = (
-        to_our_axes(p, q, r),
-        to_our_axes(fx, fy, fz),
-        to_our_axes(x, y, z),
-        to_our_attitude(qw, qx, qy, qz),
+    w, x, y, z = state[3:7]
+    numbers = (
+        time,
+        *to_our_axes(*imu[1:4]),
+        *to_our_axes(*imu[4:7]),
+        *to_our_axes(*state[0:3]),
+        *to_our_attitude(w, x, y, z),
+        *to_our_axes(*state[7:10]),
     )
-    numbers = (time, *chain(*turned, to_our_axes(vx, vy, vz)))
     return (PHYSICS_LINE % numbers).encode("ascii")
 
 

@@ -265,21 +265,24 @@ def state_message(
 ) -> bytes:
     """State message for Betaflight from the readings of the inertial unit and of motion
     capture.
+
+    Args:
+        seconds: s, time of the state.
+        imu: time, rate (rad/s) and specific force (m/s^2) in base axes.
+        pose: time, position (m) and attitude w, x, y, z.
+        velocity: m/s, world axes.
     """
-    _, p, q, r, fx, fy, fz = imu
-    _, x, y, z, qw, qx, qy, qz = pose
-    vx, vy, vz = velocity
+    w, x, y, z = pose[4:8]
     return STATE.pack(
         seconds,
-        *to_our_axes(p, q, r),
-        -fx,
-        -fy,
-        -fz,
-        *to_our_attitude(qw, qx, qy, qz),
-        *to_our_axes(vx, vy, vz),
-        *to_our_axes(x, y, z),
+        *to_our_axes(*imu[1:4]),
+        # it turns the sign of the accelerometer round
+        *(-force for force in imu[4:7]),
+        *to_our_attitude(w, x, y, z),
+        *to_our_axes(*velocity),
+        *to_our_axes(*pose[1:4]),
         # the standard atmosphere loses 12 Pa a metre near the ground
-        101325.0 - 12.0 * z,
+        101325.0 - 12.0 * pose[3],
     )
 
 

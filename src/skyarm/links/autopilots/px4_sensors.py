@@ -138,21 +138,12 @@ class SensorMessages:
         """Fields of HIL_SENSOR: inertial reading, and magnetic field and pressure if
         they are new.
         """
-        _, *rate_and_force = readings["imu"]
-        p, q, r = to_our_axes(*rate_and_force[:3])
-        fx, fy, fz = to_our_axes(*rate_and_force[3:])
-        updated = INERTIAL
-        # 20 degrees, chosen, until a barometer tells
-        fields = {
-            "xgyro": p,
-            "ygyro": q,
-            "zgyro": r,
-            "xacc": fx,
-            "yacc": fy,
-            "zacc": fz,
-            # degrees Celsius, chosen
-            "temperature": 20.0,
-        }
+        imu, updated = readings["imu"], INERTIAL
+        # behind the time stand rate and specific force
+        rate, force = to_our_axes(*imu[1:4]), to_our_axes(*imu[4:7])
+        names = ("xgyro", "ygyro", "zgyro", "xacc", "yacc", "zacc")
+        # 20 degrees Celsius, chosen, until a barometer tells
+        fields = dict(zip(names, (*rate, *force), strict=True), temperature=20.0)
         read, *field = readings["magnetometer"]
         if self._is_new("magnetometer", read):
             updated |= MAGNETIC
