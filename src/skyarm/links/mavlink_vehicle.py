@@ -116,7 +116,8 @@ class MavlinkVehicle:
     Args:
         kinds: modes of the autopilots that it may be, by MAVLink's number.
         carry: called with each frame to send.
-        sender: our numbers of system and component; system 0 for the autopilot's own.
+        sender: our numbers of system and component, by default the usual ones of a
+            ground station in MAVLink; system 0 for the autopilot's own.
         role: MAVLink's type of ours.
         system: number of the autopilot; 0 for that of the first heartbeat.
         datagrams: True where whole frames arrive.

@@ -242,7 +242,6 @@ class ArduPilotLink(ProgramLink):
         """Open free ports, start ArduPilot on them, and accept its connection."""
         program = find_program(self._record, "arducopter")
         self._udp = self._held.enter_context(open_datagrams())
-        self._udp.settimeout(0.2)
         with socket.create_server(("127.0.0.1", 0)) as listener:
             folder = self._make_folder()
             defaults = folder / "vehicle.parm"
@@ -328,7 +327,6 @@ class ArduPilotLink(ProgramLink):
         if time.monotonic() - self._arrived > REPEATED:
             with contextlib.suppress(ConnectionError):
                 self._repeated += len(drain(self._udp))
-            self._udp.settimeout(0.2)
         self._send_line(line)
 
     def _send_line(self, line: bytes) -> None:
@@ -388,6 +386,8 @@ class ArduPilotLink(ProgramLink):
         ArduPilot keeps repeating its frame.
         """
         assert self._udp is not None
+        # short, chosen: a program that has ended is noticed soon
+        self._udp.settimeout(0.2)
         until, repeats = time.monotonic() + self._record.patience, 0
         while True:
             try:

@@ -267,6 +267,7 @@ class BetaflightLink(ProgramLink):
         for k in range(count):
             time.sleep(max(sent + WARM_STEP - time.monotonic(), 0.0))
             sent = time.monotonic()
+            # of 16 channels four are sticks and twelve are switches
             self._send(RADIO.pack(k * WARM_STEP, *LEVEL, *(OFF,) * 12), RADIO_PORT)
             self._send(state_message(k * WARM_STEP, *level), STATE_PORT)
             # in the first half its clock may still stand: only the second half counts
@@ -368,6 +369,7 @@ class BetaflightLink(ProgramLink):
                 f" {self._rotors} numbers"
             )
         self._answered += 1
+        # pulse widths of 1000 to 2000 us
         self._signals = tuple(
             min(max((each - 1000.0) * 1e-3, 0.0), 1.0) for each in motors
         )

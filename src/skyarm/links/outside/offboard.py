@@ -335,6 +335,8 @@ class OffboardFlight:
     def _pump(self, seconds: float) -> None:
         """Wait for messages, at most a given time (s); send a heartbeat if one is due;
         read the joints.
+
+        Callers wait 0.02 s or 0.05 s, chosen: far less than a heartbeat's interval.
         """
         link = self._link
         link.wait(seconds)
