@@ -6,7 +6,7 @@ import socket
 
 import pytest
 
-from skyarm.links.sockets import drain
+from skyarm.links.sockets import drain, open_datagrams
 
 
 def test_datagrams_come_with_their_senders_and_no_more_than_asked_for() -> None:
@@ -40,3 +40,15 @@ def test_a_broken_port_is_an_error() -> None:
     port.close()
     with pytest.raises(OSError, match="descriptor"):
         drain(port)
+
+
+def test_a_port_is_bound_once_and_one_that_calls_hears_its_partner_alone() -> None:
+    with open_datagrams() as ours, open_datagrams() as stranger:
+        with pytest.raises(OSError, match="in use"):
+            open_datagrams(ours.getsockname())
+        with open_datagrams(ours.getsockname(), calls=True) as caller:
+            caller.send(b"hello")
+            assert drain(ours) == [(b"hello", caller.getsockname())]
+            stranger.sendto(b"odd", caller.getsockname())
+            ours.sendto(b"yes", caller.getsockname())
+            assert [data for data, _ in drain(caller)] == [b"yes"]

@@ -90,7 +90,10 @@ def test_the_markdown_states_what_is_assumed_beside_the_table() -> None:
 
 def test_the_markdown_compares_the_plant_that_flew() -> None:
     cells = {"pitch_rms": {"paper": 0.01, "rigid_body": None, "mujoco": 0.02}}
-    results: dict[str, Any] = {"experiments": {"case2": {"CT": cells}}}
+    results: dict[str, Any] = {
+        "experiments": {"case2": {"CT": cells}},
+        "settings": {"plants": ["mujoco"]},
+    }
     text = markdown(results)
     assert "Differences: mujoco against the paper" in text
     assert "| RMS pitch | rad | CT | 0.010 | - | 0.0200 | - | - | +100 % |  |" in text

@@ -84,19 +84,20 @@ PORTS = {
         "Live topics (`skyarm run --ros`) open ports on 127.0.0.1"
     ),
 }
-"""Modules that open a port through ``studio/server.py``, and the words of SECURITY.md
+"""Modules that open a port, by themselves or through ``studio/server.py`` and
+``links/sockets.py``, and the words of SECURITY.md
 for each."""
 
 
 def test_security_names_all_that_opens_a_port() -> None:
     source, said = ROOT / "src" / "skyarm", (ROOT / "SECURITY.md").read_text("utf-8")
     opens = re.compile(
-        r"(?<![\w.])(?:listening_socket|socket\.socket|socket\.create_server|HTTPServer)\("
+        r"(?<![\w.])(?:listening_socket|open_datagrams|socket\.socket|socket\.create_server|HTTPServer)\("
     )
     found = {
         path.relative_to(source).as_posix()
         for path in source.rglob("*.py")
         if opens.search(path.read_text("utf-8"))
     }
-    assert found == {*PORTS, "view/studio/server.py"}
+    assert found == {*PORTS, "view/studio/server.py", "links/sockets.py"}
     assert all(words in " ".join(said.split()) for words in PORTS.values())

@@ -4,6 +4,7 @@ states.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,6 @@ from skyarm.records.files import shown
 from skyarm.records.leaves import rebuild
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import start_draws
 from skyarm.simulate.lane_numbers import checked_array
 from skyarm.simulate.pictures import ArrivingPictures, Present
@@ -48,7 +48,7 @@ class EpisodeStarts:
     """
 
     def __init__(self, program: EnvProgram, lanes: int, dtype: npt.DTypeLike) -> None:
-        self._program, self._lanes, self._dtype = program, lanes, dtype
+        self._program, self._dtype = program, dtype
         self._start = program.trace_start()
         self.varies = bool(self._start.inputs)
         # 1 to 64 episodes ahead, chosen
@@ -62,7 +62,7 @@ class EpisodeStarts:
                 np.zeros(1, dtype=np.uint64), np.zeros(1, dtype=np.int64)
             )
 
-    def seed(self, lanes: Array, seeds: Array) -> None:
+    def seed(self, lanes: Array, seeds: Sequence[int]) -> None:
         """Assign new random seeds to parallel episodes and restart their episode count
         at 0.
         """
@@ -189,13 +189,11 @@ class EnvLanes:
         self.seeds: Array = np.zeros(lanes, dtype=np.uint64)
         self.ended = np.zeros(lanes, dtype=bool)
         self.truncated = np.zeros(lanes, dtype=bool)
-        statuses = (ending.status for ending in endings_of(task.scenario))
-        # numbers count from 1; the last one is of a command that was not finite
-        self.statuses = np.array(["", *statuses, "diverged"], dtype=object)
+        self.statuses = np.array(self.program.statuses, dtype=object)
         self._every = np.arange(lanes)
-        self.reseed(self._every, np.zeros(lanes, dtype=np.uint64))
+        self.reseed(self._every, [0] * lanes)
 
-    def reseed(self, lanes: Array, seeds: Array) -> None:
+    def reseed(self, lanes: Array, seeds: Sequence[int]) -> None:
         """Start episode 0 with new random seeds in some SIMD lanes."""
         self.seeds[lanes] = seeds
         self._starts.seed(lanes, seeds)

@@ -87,7 +87,7 @@ class EnvProgram:
     Attributes:
         base: numbers of the randomised paths in the scenario as it is. draws: example
             of a period's uniform numbers.
-        size: length of an action.
+        size: length of an action. statuses: words of a step's ending, by its number.
         first: state of an episode, as an example. loop: the step, traced; it logs a
             :class:`StepOutcome`.
     """
@@ -106,11 +106,12 @@ class EnvProgram:
             stiffest=task.randomised.stiffest,
             loops=loops,
         )
+        endings = endings_of(scenario)
+        # numbers count from 1; the last one is of a command that was not finite
+        self.statuses = ("", *(each.status for each in endings), "diverged")
         # number of the ending whose state means nothing any more
         self._diverged = next(
-            1.0 + k
-            for k, each in enumerate(endings_of(scenario))
-            if isinstance(each, Divergence)
+            1.0 + k for k, each in enumerate(endings) if isinstance(each, Divergence)
         )
         self.uniforms = self._program.draws
         # the middle of each, of which no inverse distribution is infinite
@@ -343,6 +344,7 @@ class EnvProgram:
         # from the last to the first, so that the first that holds has the last word
         for index in range(len(endings), 0, -1):
             fine = endings[index - 1].fine(scenario, state, goal, 0)
+            # a literal True: the ending does not apply, and costs no operation
             if fine is not True:
                 number = where(fine, number, float(index))
         return number

@@ -21,7 +21,6 @@ from skyarm.envs.randomised_numbers import with_fixed
 from skyarm.records.files import shown
 from skyarm.records.leaves import rebuild
 from skyarm.scenario.scenario_record import ScenarioError
-from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import STARTS, draw_plan
 from skyarm.studies.sweep.design import FIRST_CHANNEL
 from skyarm.studies.sweep.distributions import (
@@ -125,11 +124,7 @@ class JaxEnvironment:
         self.default_params = {
             path: jnp.asarray(number, self.dtype) for path, number in base
         }
-        self.statuses = (
-            "",
-            *(ending.status for ending in endings_of(task.scenario)),
-            "diverged",
-        )
+        self.statuses = self._program.statuses
         # traced once, however often the functions are used in others
         self._stepped = jax.jit(self._one_step)
         self._began = jax.jit(self._first)
@@ -297,8 +292,8 @@ def _value(given: Values, unit: Array) -> Array:
     return jnp.asarray(given.values, unit.dtype)[index]
 
 
-QUANTILES: dict[type, Callable[[Any, Array], Array]] = {
-    Uniform: lambda given, unit: given.low + (given.high - given.low) * unit,
+QUANTILES: dict[type, Callable[[Any, Any], Any]] = {
+    Uniform: Uniform.quantile,
     LogUniform: (
         lambda given, unit: given.low * jnp.exp(np.log(given.high / given.low) * unit)
     ),

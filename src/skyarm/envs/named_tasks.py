@@ -1,34 +1,19 @@
 """Shipped environments: each a scenario file in this folder with default actions,
 observation and reward.
+
+``registered_environments.toml`` lists them.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from importlib import resources
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from skyarm.envs.action_kinds import (
-    Actions,
-    RatesAndThrust,
-    References,
-    Residual,
-    RotorsAndJoints,
-)
+from skyarm.envs.action_kinds import ACTIONS, Actions
 from skyarm.envs.observed_quantities import USUAL, Depth, Observed
-from skyarm.envs.reward_terms import (
-    USUAL_REWARD,
-    ActionChange,
-    Alive,
-    Lost,
-    PositionDistance,
-    PositionNear,
-    RewardTerm,
-    Spin,
-    SurfaceNear,
-    Upright,
-)
+from skyarm.envs.registered_environments import TASKS
+from skyarm.envs.reward_terms import REWARDS, USUAL_REWARD, RewardTerm
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import load_scenario
@@ -58,120 +43,28 @@ class NamedTask:
     derived: Mapping[str, str] | None = None
 
 
-def _symmetric(size: float) -> dict[str, list[float]]:
-    return {"uniform": [-size, size]}
+def _task_of(row: Mapping[str, Any]) -> NamedTask:
+    """Shipped environment from its table; what the table leaves out is usual."""
+    depths = [Depth(**each) for each in row.get("depths", ())]
+    rewards = [_make_record(each, REWARDS) for each in row.get("reward", ())]
+    return NamedTask(
+        file=row["file"],
+        actions=_make_record(row["actions"], ACTIONS),
+        reward=tuple(rewards) or USUAL_REWARD,
+        randomise=row["randomise"],
+        observation=(*row.get("observation", USUAL), *depths),
+        derived=row.get("derived"),
+    )
 
 
-PLACES = {
-    f"initial.position.{axis}": {"uniform": [at - 0.3, at + 0.3]}
-    for axis, at in zip("xyz", (0, 0, 1.5), strict=True)
-}
-THROWN = {
-    **{
-        f"initial.{angle}": _symmetric(size)
-        for angle, size in (
-            ("roll", math.pi),
-            ("pitch", math.pi / 2.0),
-            ("yaw", math.pi),
-        )
-    },
-    **{f"initial.rate.{axis}": _symmetric(5.0) for axis in "xyz"},
-    **{f"initial.velocity.{axis}": _symmetric(2.0) for axis in "xyz"},
-}
+def _make_record(row: Mapping[str, Any], registered: Mapping[str, type[Any]]) -> Any:
+    """Record of a registered class, by its name and its fields."""
+    return registered[row["name"]](
+        **{field: value for field, value in row.items() if field != "name"}
+    )
 
-# a vehicle without joints would observe empty quantities of them
-NO_ARM = ("position_error", "velocity_error", "attitude", "body_rate", "last_action")
 
-NAMED: dict[str, NamedTask] = {
-    "Hover": NamedTask(
-        file="hover",
-        actions=RotorsAndJoints(span=0.3),
-        reward=(
-            PositionNear(),
-            PositionDistance(weight=0.2),
-            Spin(weight=0.5),
-            ActionChange(weight=0.05),
-            Lost(weight=10.0),
-        ),
-        randomise={
-            **PLACES,
-            "initial.roll": _symmetric(0.3),
-            "initial.pitch": _symmetric(0.3),
-        },
-        observation=NO_ARM,
-    ),
-    "TrackTip": NamedTask(
-        file="track_tip",
-        actions=RotorsAndJoints(span=0.3),
-        reward=USUAL_REWARD,
-        randomise={"plant.vehicle.base.mass": {"uniform": [0.65, 0.8]}},
-    ),
-    "HoldTipInWind": NamedTask(
-        file="hold_tip_in_wind",
-        actions=Residual(span=0.2),
-        reward=USUAL_REWARD,
-        randomise={
-            "environment.wind.force_W.x": _symmetric(2.0),
-            "environment.wind.force_W.y": _symmetric(2.0),
-        },
-    ),
-    "CarryPayload": NamedTask(
-        file="carry_payload",
-        actions=Residual(span=0.2),
-        reward=USUAL_REWARD,
-        randomise={"plant.payload.mass": {"uniform": [0.0, 0.1]}},
-    ),
-    "Recover": NamedTask(
-        file="recover",
-        actions=RatesAndThrust(rate=8.0),
-        reward=(
-            Upright(),
-            PositionDistance(weight=0.1),
-            Spin(weight=0.5),
-            Alive(weight=0.1),
-            Lost(weight=10.0),
-        ),
-        randomise=THROWN,
-    ),
-    "ReachWhatTheWristSees": NamedTask(
-        file="reach_what_the_wrist_sees",
-        actions=References(position=0.5, angle=0.5),
-        reward=(
-            SurfaceNear(scale=0.2),
-            ActionChange(weight=0.05),
-            Lost(weight=10.0),
-        ),
-        randomise={
-            "world.surfaces.target.position.x": _symmetric(0.25),
-            "world.surfaces.target.position.y": _symmetric(0.25),
-            "world.surfaces.target.position.z": {"uniform": [0.5, 0.7]},
-        },
-        observation=(*USUAL, Depth(sensor="wrist")),
-    ),
-    "FlyThroughWindow": NamedTask(
-        file="fly_through_window",
-        actions=References(position=0.5, angle=0.2),
-        reward=(
-            Alive(),
-            ActionChange(weight=0.05),
-            Lost(weight=100.0),
-        ),
-        # the walls move as one
-        randomise={
-            "y": _symmetric(0.4),
-            "z": _symmetric(0.2),
-        },
-        derived={
-            "world.surfaces.left.position.y": "1.4 + y",
-            "world.surfaces.right.position.y": "y - 1.4",
-            "world.surfaces.above.position.y": "y",
-            "world.surfaces.below.position.y": "y",
-            "world.surfaces.above.position.z": "2.34 + z",
-            "world.surfaces.below.position.z": "0.06 + z",
-        },
-        observation=(*USUAL, Depth(sensor="front", scale=4.0)),
-    ),
-}
+NAMED = {name: _task_of(row) for name, row in TASKS.items()}
 """Shipped environments by the name between ``skyarm/`` and ``-v0``."""
 
 
@@ -181,10 +74,8 @@ def task_scenario(name: str) -> Scenario:
     Raises:
         ScenarioError: there is none of this name.
     """
-    with resources.as_file(
-        resources.files("skyarm.envs") / "tasks" / f"{named_task(name).file}.toml"
-    ) as path:
-        return load_scenario(path)
+    tasks = Path(__file__).with_name("tasks")
+    return load_scenario(tasks / f"{named_task(name).file}.toml")
 
 
 def named_task(name: str) -> NamedTask:

@@ -166,15 +166,12 @@ def _corners(ends: Mapping[str, tuple[float, float]]) -> dict[str, Array]:
     if not ends:
         return {}
     if len(ends) <= MOST_CORNERS:
-        rows = [list(row) for row in itertools.product(*ends.values())]
+        rows = np.array([*itertools.product(*ends.values())])
     else:
         # all combinations grow as powers of two
-        lows, highs = ([pair[k] for pair in ends.values()] for k in (0, 1))
-        rows = [lows, highs]
-        for index in range(len(lows)):
-            rows.append([*lows[:index], highs[index], *lows[index + 1 :]])
-            rows.append([*highs[:index], lows[index], *highs[index + 1 :]])
-    return {
-        path: np.array(column)
-        for path, column in zip(ends, zip(*rows, strict=True), strict=True)
-    }
+        low, high = np.array([*ends.values()]).T
+        alone = np.eye(len(ends), dtype=bool)
+        rows = np.vstack(
+            [low, high, np.where(alone, high, low), np.where(alone, low, high)]
+        )
+    return dict(zip(ends, rows.T, strict=True))

@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from skyarm.records.files import must_be_one_of, needs_extra, shown
+from skyarm.records.files import must_be_one_of, needs_extra, shipped_tables, shown
 
 try:
     import gymnasium
@@ -25,11 +25,9 @@ SHIPPED_TASKS = "skyarm.envs.named_tasks"
 
 ANY_SCENARIO = "skyarm/Scenario-v0"
 
-TASK_NAMES = (
-    *("Hover", "TrackTip", "HoldTipInWind", "CarryPayload", "Recover"),
-    *("ReachWhatTheWristSees", "FlyThroughWindow"),
-)
-"""Names of the shipped environments (:data:`skyarm.envs.named_tasks.NAMED`)."""
+TASKS = shipped_tables(__file__)
+"""Tables of the shipped environments by name, of which
+:data:`skyarm.envs.named_tasks.NAMED` makes records."""
 
 
 def register() -> None:
@@ -39,7 +37,7 @@ def register() -> None:
     if ANY_SCENARIO in gymnasium.registry:
         return
     gymnasium.register(ANY_SCENARIO, entry_point=SINGLE, vector_entry_point=VECTOR)
-    for name in TASK_NAMES:
+    for name in TASKS:
         gymnasium.register(
             f"skyarm/{name}-v0",
             entry_point=f"{SHIPPED_TASKS}:make_single",
@@ -86,7 +84,7 @@ def make_jax(
     from skyarm.envs.named_tasks import task_arguments
     from skyarm.scenario.scenario_record import ScenarioError
 
-    tasks = {ANY_SCENARIO: None, **{f"skyarm/{each}-v0": each for each in TASK_NAMES}}
+    tasks = {ANY_SCENARIO: None, **{f"skyarm/{each}-v0": each for each in TASKS}}
     if not isinstance(name, str) or name not in tasks:
         raise ScenarioError(f"name = {shown(name)}: {must_be_one_of(tasks, name)}")
     given = (

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from skyarm.algebra import Scalar, Vec3
-from skyarm.algebra.scalars import exp, minimum, sqrt
+from skyarm.algebra.scalars import exp, minimum
 from skyarm.envs.observed_quantities import (
     JointTravel,
     Metres,
@@ -84,10 +84,8 @@ class TipDistance(RewardTerm):
 
     def value(self, result: Result) -> Scalar:
         """Negative distance of the tip from its reference, divided by the scale."""
-        return (
-            -_length(tip_error(result.vehicle, result.state, result.reference))
-            / self.scale
-        )
+        error = tip_error(result.vehicle, result.state, result.reference)
+        return -error.norm() / self.scale
 
 
 @immutable
@@ -109,7 +107,8 @@ class PositionDistance(RewardTerm):
 
     def value(self, result: Result) -> Scalar:
         """Negative distance of the base from its reference, divided by the scale."""
-        return -_length(result.reference.position - result.state.position) / self.scale
+        error = result.reference.position - result.state.position
+        return -error.norm() / self.scale
 
 
 @immutable
@@ -248,10 +247,6 @@ USUAL_REWARD: tuple[RewardTerm, ...] = (
 def _squares(vector: Vec3) -> Scalar:
     square: Scalar = vector.dot(vector)
     return square
-
-
-def _length(vector: Vec3) -> Scalar:
-    return sqrt(_squares(vector))
 
 
 def _nearness(error: Vec3, scale: float) -> Scalar:

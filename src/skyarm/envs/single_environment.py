@@ -96,7 +96,7 @@ class Environment(gymnasium.Env[Array, Array]):
         if key is None:
             self.lanes.begin(self._only)
         else:
-            self.lanes.reseed(self._only, np.array([key], dtype=np.uint64))
+            self.lanes.reseed(self._only, [key])
         self._begun, self._drawn = True, False
         return self.lanes.view(0), {}
 

@@ -14,7 +14,7 @@ from gymnasium.vector.utils import batch_space
 
 from skyarm.envs.env_lanes import EnvLanes
 from skyarm.envs.env_program import LARGEST
-from skyarm.envs.env_task import KEYS, Info, make_task, require_open, seed_of, seeds_of
+from skyarm.envs.env_task import KEYS, Info, make_task, require_open, seeds_of
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -108,23 +108,20 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         if not self._begun:
             # what nobody gave a seed gets one of its own: one is drawn, the others
             # follow it
-            fresh = (
-                int(self.np_random.integers(KEYS))
-                + np.arange(self.num_envs, dtype=np.uint64)
-            ) % KEYS
+            first = int(self.np_random.integers(KEYS))
+            fresh = [(first + k) % KEYS for k in range(self.num_envs)]
             self.lanes.reseed(np.arange(self.num_envs), fresh)
             given = [
-                int(own) if each is None else each
+                own if each is None else each
                 for each, own in zip(given, fresh, strict=True)
             ]
             self._begun = True
-        seeded = [k for k in np.flatnonzero(chosen).tolist() if given[k] is not None]
-        going = np.setdiff1d(np.flatnonzero(chosen), seeded)
+        seeded = {
+            k: key for k, key in enumerate(given) if chosen[k] and key is not None
+        }
+        going = np.setdiff1d(np.flatnonzero(chosen), [*seeded])
         if seeded:
-            self.lanes.reseed(
-                np.array(seeded),
-                np.array([seed_of(given[k]) for k in seeded], dtype=np.uint64),
-            )
+            self.lanes.reseed(np.array([*seeded]), [*seeded.values()])
         if going.size:
             self.lanes.begin(going)
         self._over = np.flatnonzero(self.lanes.ended | self.lanes.truncated)

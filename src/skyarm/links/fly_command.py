@@ -4,6 +4,7 @@ here.
 
 from __future__ import annotations
 
+from contextlib import closing
 from pathlib import Path
 from typing import Annotated
 
@@ -98,16 +99,12 @@ def fly(
         require_replaceable(*files, renames=True)
         say_suspicious(planned)
         vehicle = planned.agent.model.vehicle
-        arm = open_joints(joints, vehicle)
-        try:
-            autopilot = open_link(link, patience)
-            try:
-                flight = OffboardFlight(planned, autopilot, arm, settings, tell)
-                log = flight.run()
-            finally:
-                autopilot.close()
-        finally:
-            arm.close()
+        with (
+            closing(open_joints(joints, vehicle)) as arm,
+            closing(open_link(link, patience)) as autopilot,
+        ):
+            flight = OffboardFlight(planned, autopilot, arm, settings, tell)
+            log = flight.run()
         written, earlier = save_logs(log, files)
     values = facts(log) | {"outside": log.info["outside"]}
     words = f"log: {', '.join(map(str, written))}{' (new folder)' if new else ''}"

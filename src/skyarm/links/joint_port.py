@@ -9,7 +9,6 @@ or n positions and n rates for a state.
 from __future__ import annotations
 
 import math
-import socket
 import struct
 import time
 from abc import ABC, abstractmethod
@@ -18,7 +17,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import Annotated
 
-from skyarm.links.sockets import Address, drain
+from skyarm.links.sockets import LOOPBACK, Address, drain, open_datagrams
 from skyarm.records.files import shown
 from skyarm.records.immutable import positional
 from skyarm.records.plain import Plain
@@ -156,12 +155,9 @@ class UdpJoints(JointLink):
 
     def __init__(self, host: str, port: int, count: int) -> None:
         self._count = count
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
         try:
-            self._socket.connect((host, port))
+            self._socket = open_datagrams((host, port), calls=True)
         except OSError as error:
-            self._socket.close()
             raise JointPortError(
                 f"--joints = {shown(f'udp://{host}:{port}')}: {error.strerror or error}"
             ) from None
@@ -215,18 +211,15 @@ class JointServer:
         host: address to bind.
     """
 
-    def __init__(self, port: int, count: int, host: str = "127.0.0.1") -> None:
+    def __init__(self, port: int, count: int, host: str = LOOPBACK) -> None:
         self._count, self._heard = count, -math.inf
-        self._partner: tuple[str, int] | None = None
+        self._partner: Address | None = None
         self._setpoints: tuple[float, ...] | None = None
         self._commands = self._refused = 0
         self._ages: deque[float] = deque(maxlen=MOST_AGES)
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
         try:
-            self._socket.bind((host, port))
+            self._socket = open_datagrams((host, port))
         except OSError as error:
-            self._socket.close()
             raise JointPortError(
                 f"UDP port {port} of the joints: must be free:"
                 f" {error.strerror or error}"

@@ -311,16 +311,10 @@ def _fields(definition: Definition, payload: bytes) -> dict[str, DecodedValue]:
     ignored.
     """
     size = definition.layout.size
-    numbers = definition.layout.unpack(
-        payload if len(payload) == size else payload[:size].ljust(size, b"\0")
-    )
+    numbers = definition.layout.unpack(payload[:size].ljust(size, b"\0"))
     fields: dict[str, Any] = {name: numbers[place] for name, place in definition.places}
     for _, field in definition.texts:
         # a text of a stranger must not steer the terminal
         text = fields[field.name].partition(b"\0")[0].decode(errors="replace")
-        fields[field.name] = (
-            text
-            if text.isprintable()
-            else "".join(c if c.isprintable() else " " for c in text)
-        )
+        fields[field.name] = "".join(c if c.isprintable() else " " for c in text)
     return fields

@@ -116,7 +116,8 @@ class MavlinkVehicle:
     Args:
         kinds: modes of the autopilots that it may be, by MAVLink's number.
         carry: called with each frame to send.
-        sender: our numbers of system and component; system 0 for the autopilot's own.
+        sender: our numbers of system and component, by default the usual ones of a
+            ground station in MAVLink; system 0 for the autopilot's own.
         role: MAVLink's type of ours.
         system: number of the autopilot; 0 for that of the first heartbeat.
         datagrams: True where whole frames arrive.
@@ -150,6 +151,21 @@ class MavlinkVehicle:
         self.said = ""
         self.parameters: dict[str, float] = {}
         self._requested: set[str] = set()
+
+    @property
+    def title(self) -> str:
+        """Name of the autopilot; empty before its first heartbeat."""
+        return "" if self.modes is None else self.modes.title
+
+    @property
+    def obeys(self) -> bool:
+        """True if the autopilot is in the mode that takes external set points."""
+        return self.modes is not None and self.modes.is_outside(self.mode)
+
+    @property
+    def holds(self) -> bool:
+        """True if the autopilot is in the mode that holds its position."""
+        return self.modes is not None and self.modes.is_hold(self.mode)
 
     def tell(self, name: str, **fields: FieldValue) -> None:
         """Send a MAVLink message.

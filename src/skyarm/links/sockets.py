@@ -1,4 +1,4 @@
-"""Reading of a socket's waiting data without blocking, up to a limit."""
+"""Datagram sockets, and reading of waiting data without blocking, up to a limit."""
 
 from __future__ import annotations
 
@@ -6,6 +6,34 @@ import socket
 
 Address = tuple[str, int]
 """Host and port of the sender of a datagram."""
+
+LOOPBACK = "127.0.0.1"
+
+
+def open_datagrams(
+    address: Address = (LOOPBACK, 0), *, calls: bool = False
+) -> socket.socket:
+    """Open a UDP socket that does not block, at an address of this machine or connected
+    to one.
+
+    Args:
+        address: host and port; port 0 takes a free one.
+        calls: connect to the address, so that only its datagrams arrive; else bind it.
+
+    Raises:
+        OSError: the port is taken, or no such address.
+    """
+    made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    made.setblocking(False)
+    try:
+        if calls:
+            made.connect(address)
+        else:
+            made.bind(address)
+    except OSError:
+        made.close()
+        raise
+    return made
 
 
 def drain(port: socket.socket, most: int = 256) -> list[tuple[bytes, Address | None]]:

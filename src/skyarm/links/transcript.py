@@ -254,6 +254,8 @@ def rows_of(path: Path) -> Iterator[Row]:
                     f"{where}: must be a transcript that was recorded"
                 )
             begun = True
+            # a first row before any message: who asks for it knows that the file is a
+            # transcript
             yield SENT, "", MAGIC
             while len(head := file.read(HEAD.size)) == HEAD.size:
                 _, what, name, size = HEAD.unpack(head)

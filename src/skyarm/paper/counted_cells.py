@@ -106,7 +106,7 @@ def in_case(case: str) -> Callable[[PublishedNumber], bool]:
 
 def sentence(results: Record) -> str:
     """Sentence on how many published numbers are reproduced within 5, 10 and 25 %."""
-    experiments = results.get("experiments", {})
+    experiments = results["experiments"]
     by_plant = {plant: counts(experiments, stated_value(plant)) for plant in PLANTS}
     inferred = {plant: counts(experiments, inferred_value(plant)) for plant in PLANTS}
     if not any(by_plant.values()):

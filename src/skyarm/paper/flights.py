@@ -17,6 +17,7 @@ from skyarm.log.metrics.metric_catalogue import REFERRED
 from skyarm.log.metrics.score import score, settling_time
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.paper.published import CASES, CONTINUOUS, CONTROLLERS, PAPER, Record
+from skyarm.records.files import shipped_tables
 from skyarm.records.immutable import positional
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import PLANTS, Scenario
@@ -36,29 +37,8 @@ HOVER = Window(4.0, 5.9)
 HOLDS = (Window(9.0, 12.0), Window(16.0, 19.0))
 """Case 1: the last 3 s of each hold of 5 s (7-12 s and 14-19 s)."""
 
-TRACKING = tuple(
-    f"{what}_error_{how}"
-    for what in ("joint", "position", "ee")
-    for how in ("mean", "max")
-)
-IAE = ("iae_position", "iae_joint")
-STEADY_CASE = (*TRACKING, "peak_pitch", "peak_position", "settling_time", *IAE)
-GUST_CASE = {
-    "peak_x": "gust_peak_x",
-    "pitch_rms": "pitch_rms",
-    **{name: f"gust_{name}" for name in IAE},
-    "peak_pitch": "gust_peak_pitch",
-}
-WIND_CASE = (
-    "position_min",
-    "position_max",
-    "position_ripple",
-    "pitch_mean",
-    "pitch_ripple",
-    "peak_pitch",
-    *IAE,
-)
-"""Rows of Table 2 by kind of case; the gust's under the paper's names."""
+_TABLES = shipped_tables(__file__)
+"""Metrics of each case, and the catalogue's names for those of another name."""
 
 Metrics = dict[str, float | None]
 
@@ -133,7 +113,7 @@ def metrics(case: str, log: Log, holds: tuple[Window, ...] = HOLDS) -> Metrics:
     Null where a metric is not defined; all are null for an episode that ended early,
     whose windows are cut.
     """
-    named = _metrics_by_name(case, log.joints.shape[1])
+    named = _metrics_by_name(case)
     twins = {
         suffix: {name: _with_suffix(metric, suffix) for name, metric in named.items()}
         for suffix in ("", CONTINUOUS)
@@ -163,23 +143,10 @@ def metrics(case: str, log: Log, holds: tuple[Window, ...] = HOLDS) -> Metrics:
     }
 
 
-def _metrics_by_name(case: str, joints: int) -> dict[str, str]:
+def _metrics_by_name(case: str) -> dict[str, str]:
     """Metrics of a case: name in the published table -> name in skyarm."""
-    efforts = (f"tau{i + 1}_rms" for i in range(joints))
-    always = {
-        name: name for name in ("pitch_rms", "roll_rms", *efforts, "hover_offset")
-    }
-    if case == "case2_gust":
-        return {name: name for name in TRACKING} | GUST_CASE | always
-    if case == "case3_wind":
-        return {name: name for name in (*TRACKING, *WIND_CASE)} | always
-    by_name = always | {name: name for name in STEADY_CASE}
-    if case == "case1":
-        by_name |= {
-            "held_position_error": "held_position_error",
-            "settling_time_upper_bound": "settling_time",
-        }
-    return by_name
+    measured = _TABLES["measured"].get(case, {})
+    return {name: measured.get(name, name) for name in _TABLES["rows"][case]}
 
 
 def _with_suffix(metric: str, suffix: str) -> str:
@@ -206,33 +173,23 @@ def results(
         settings: settings that determine the numbers.
         inferred: metrics under the inferred settings, which each cell holds by plant.
     """
-    experiments: Facts = {}
-    settled = inferred or {}
-    for case in CASES:
-        experiments[case] = {}
-        for controller in CONTROLLERS:
-            ours = {
-                plant: measured.get((case, controller, plant), {}) for plant in PLANTS
+    experiments: Facts = {case: {} for case in CASES}
+    for case, controller in product(CASES, CONTROLLERS):
+        published = PAPER[case][controller]
+        stated, settled = (
+            {plant: each.get((case, controller, plant), {}) for plant in PLANTS}
+            for each in (measured, inferred or {})
+        )
+        experiments[case][controller] = {
+            name: {
+                "paper": published.get(name),
+                **{plant: found.get(name) for plant, found in stated.items()},
+                "inferred": {
+                    plant: found.get(name) for plant, found in settled.items()
+                },
             }
-            names = dict.fromkeys(
-                [
-                    *PAPER[case][controller],
-                    *(name for plant in PLANTS for name in ours[plant]),
-                ]
-            )
-            experiments[case][controller] = {
-                name: (
-                    {"paper": PAPER[case][controller].get(name)}
-                    | {p: ours[p].get(name) for p in PLANTS}
-                    | {
-                        "inferred": {
-                            p: settled.get((case, controller, p), {}).get(name)
-                            for p in PLANTS
-                        }
-                    }
-                )
-                for name in names
-            }
+            for name in dict.fromkeys(chain(published, *stated.values()))
+        }
     return {"schema": 1, "experiments": experiments, "settings": settings}
 
 
@@ -240,20 +197,7 @@ def first_plant(results: Record) -> str:
     """Kind of plant that was simulated first, which differences and figures refer
     to.
     """
-    named = results.get("settings", {}).get("plants")
-    if named:
-        return str(named[0])
-    cases = results.get("experiments", {}).values()
-    laws = [cells for case in cases for cells in case.values()]
-    cells = [cell for each in laws for cell in each.values()]
-    return next(
-        (
-            plant
-            for plant in PLANTS
-            if any(cell.get(plant) is not None for cell in cells)
-        ),
-        PLANTS[0],
-    )
+    return str(results.get("settings", {}).get("plants", PLANTS)[0])
 
 
 def settings(logs: Sequence[Log]) -> Facts:

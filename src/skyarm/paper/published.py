@@ -22,14 +22,6 @@ Experiments = Mapping[str, Mapping[str, Mapping[str, Record]]]
 """Case -> law -> metric -> {"paper": number, plant: number, "inferred": {plant:
 number}}."""
 
-CASES = ("case1", "case2", "case3", "case2_gust", "case3_wind")
-TITLES: Mapping[str, str] = {
-    "case1": "Case 1: hover, arm ramps",
-    "case2": "Case 2: hover, arm sinusoids",
-    "case3": "Case 3: circle, arm sinusoids",
-    "case2_gust": "Case 2 in a gust of 3 s",
-    "case3_wind": "Case 3 in constant wind",
-}
 CONTROLLERS = {"CT": "paper_ct", "PD": "paper_pd"}
 CONTINUOUS = "_continuous"
 """Suffix of a metric taken against the continuous reference in place of the held 50 Hz
@@ -38,6 +30,10 @@ samples."""
 _TABLES = tomllib.loads(
     (resources.files("skyarm.paper") / "library" / "published.toml").read_text("utf-8")
 )
+
+TITLES: Mapping[str, str] = _TABLES["titles"]
+CASES = tuple(TITLES)
+"""Cases of the paper, in the order of its tables."""
 
 PRINTED: Mapping[str, Mapping[str, Mapping[str, str]]] = _TABLES["printed"]
 """Printed numbers: case -> law -> metric -> digits."""

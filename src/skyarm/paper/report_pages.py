@@ -51,7 +51,6 @@ from skyarm.paper.report_text import ASSUMED, INFERRED_SETTINGS, OPEN
 from skyarm.paper.variations import GROUPS, variations
 from skyarm.paper.verdict_sentences import verdict
 from skyarm.records.files import file_names
-from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import PLANTS
 from skyarm.view.figures.flight_plot import plot as flight_plot
 from skyarm.view.figures.paper_figures import PAPER_CATALOGUE
@@ -420,19 +419,6 @@ CIRCLE = (7.5, 21.0)
 """Interval (s) of the flight whose path is drawn."""
 
 
-@immutable(slots=False)
-class _Page:
-    """Content of an HTML page of the report: title, lead, facts, opening paragraph, and
-    sections.
-    """
-
-    title: str
-    lead: str
-    facts: Sequence[str] = ()
-    opening: str = ""
-    sections: Sequence[tuple[str, str, str]]
-
-
 def report_pages(
     results: Record,
     sensitivity: Record,
@@ -457,7 +443,7 @@ def report_pages(
         for each case. Scripts, styles and images are inside; no address is outside the
         folder.
     """
-    experiments = results.get("experiments", {})
+    experiments = results["experiments"]
     plant = first_plant(results)
     drawn = pictures or {}
     files = case_files(experiments)
@@ -476,38 +462,37 @@ def report_pages(
             _episodes(logs) + _settings(results.get("settings", {})),
         ),
     ]
-    opened = verdict_table(experiments, files, plant) + opening
-    pages = {
-        MAIN: _Page(
-            title=TITLE,
-            lead=prose.LEAD,
-            facts=verdict(results),
-            opening=opened,
-            sections=sections,
-        )
-    }
-    for case, file in files.items():
-        pages[file] = _case_page(case, experiments[case], logs, drawn, plant)
     titles = {
         MAIN: "Overview",
-        **{file: title_of(case).split(":")[0] for case, file in files.items()},
+        **{file: short_title(case) for case, file in files.items()},
     }
     style = (resources.files("skyarm.paper") / "report.css").read_text("utf-8")
     footer = (
         f"Format of the results: schema {results.get('schema', 1)}. This page needs no"
         " network."
     )
-    return {
-        file: page(
-            **vars(each),
-            style={"": style},
-            script=page_script(),
-            pages=titles,
-            name=file,
-            footer=footer,
+    make = partial(
+        page, style={"": style}, script=page_script(), pages=titles, footer=footer
+    )
+    pages = {
+        MAIN: make(
+            TITLE,
+            verdict(results),
+            name=MAIN,
+            lead=prose.LEAD,
+            opening=verdict_table(experiments, files, plant) + opening,
+            sections=sections,
         )
-        for file, each in pages.items()
     }
+    for case, file in files.items():
+        pages[file] = make(
+            title_of(case),
+            (),
+            name=file,
+            lead=prose.CASES.get(case, ""),
+            sections=_case_sections(case, experiments[case], logs, drawn, plant),
+        )
+    return pages
 
 
 def page_script() -> str:
@@ -519,7 +504,7 @@ def _counts(results: Record, plant: str) -> str:
     """HTML section with all counts of agreement, their rule, and the reversed orders of
     the laws.
     """
-    experiments = results.get("experiments", {})
+    experiments = results["experiments"]
     folded = details("Within 25, 10 and 5 %, on both plants", counts_table(experiments))
     return paragraph(RULE) + folded + reversed_list(experiments, plant)
 
@@ -530,24 +515,21 @@ def case_files(cases: Iterable[str]) -> dict[str, str]:
     return {case: file for case, file in named.items() if file != MAIN}
 
 
-def _case_page(
+def _case_sections(
     case: str, laws: Record, logs: Logs, drawn: Mapping[str, bytes], plant: str
-) -> _Page:
-    """Report page of a case: plots of its flights, table of its numbers, and redrawn
-    figures.
+) -> list[tuple[str, str, str]]:
+    """Sections of a case's page: plots of its flights, table of its numbers, and
+    redrawn figures.
     """
     # figures show the first plant that has flown the case
     flown = next((each for each, cases in logs.items() if cases.get(case)), "")
     flights = _flights(case, drawn, flown)
     redrawn = _paper_figures(case, drawn, plant)
-    sections = [
+    return [
         *([("flights", "Flights", flights)] if flights else []),
         ("numbers", "Numbers", experiment_table(case, laws)),
         *([("figures", "The paper's figures", redrawn)] if redrawn else []),
     ]
-    return _Page(
-        title=title_of(case), lead=prose.CASES.get(case, ""), sections=sections
-    )
 
 
 def _kinds(case: str) -> dict[str, str]:

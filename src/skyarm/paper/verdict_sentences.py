@@ -48,7 +48,7 @@ def verdict(results: Record) -> tuple[str, str, str]:
     """Three sentences on the first plant of results: what agrees, what differs, and
     why.
     """
-    experiments = results.get("experiments", {})
+    experiments = results["experiments"]
     plant = first_plant(results)
     stated, inferred = (
         counts(experiments, column(plant)) for column in (stated_value, inferred_value)

@@ -596,7 +596,7 @@ def test_states_go_out_in_real_time_and_at_most_a_third_faster_after_a_delay(
 ):
     clock, link, period = Clock(), linked(), 0.002
     monkeypatch.setattr(betaflight, "time", clock)
-    link._tape.plays, link._states = False, 7
+    link._tape.plays, link._steps = False, 7
     sent = []
     for k in range(40):
         clock.now += 0.1 * period
@@ -604,7 +604,7 @@ def test_states_go_out_in_real_time_and_at_most_a_third_faster_after_a_delay(
             clock.now += 2.0 * period
         link._pace()
         sent.append(clock.now)
-        link._states += 1
+        link._steps += 1
     assert link._period == period
     gaps = np.diff(sent) / period
     np.testing.assert_allclose(gaps[:19], 1.0, atol=1e-9)
@@ -632,7 +632,7 @@ def test_the_state_after_a_late_answer_keeps_its_distance_from_the_answer(monkey
 
     link._await_motors = answer
     for states in range(3):
-        link._states = states
+        link._steps = states
         link._pace()
         if states:
             assert link._sent - link._heard == pytest.approx(0.75 * link._period)

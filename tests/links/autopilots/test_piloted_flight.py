@@ -32,14 +32,12 @@ from skyarm.links.autopilots.autopilot import (
     SensedInstant,
     SimulatorLink,
     controller_with,
-    model_of,
     move_arm,
     plain_parameters,
     require_rotors,
 )
 from skyarm.links.autopilots.flight import (
     PilotedSession,
-    goal_columns,
     goal_of,
     planned_scenario,
     take_off_scenario,
@@ -290,20 +288,22 @@ def test_the_take_off_begins_at_rest_on_the_stand_below_the_start(
     assert float(state.velocity.norm()) < 1e-3
 
 
-def test_the_goal_table_has_the_set_points_of_the_reference(tmp_path: Path) -> None:
-    session = Session(load_scenario("case3", duration=8.0))
-    (inputs,) = session._engine.inputs.each
-    table = goal_columns(inputs)
-    assert table is not None
+def test_the_goal_is_the_base_of_the_reference_that_is_held_in_the_period() -> None:
+    scenario = load_scenario("case3", duration=8.0)
+    session = Session(scenario)
     for tick in (0, 10, 1300, 1599):
         session._engine.tick = tick
-        goal = goal_of(session._engine.reference())
-        assert table[tick].tolist() == [
+        # control at 200 Hz, reference at 50 Hz
+        held = scenario.reference.at(tick // 4 * 4 / 200.0)
+        goal = goal_of(session.reference)
+        assert [
             *goal.position,
             *goal.velocity,
             *goal.acceleration,
             goal.yaw,
-        ]
+        ] == pytest.approx(
+            [*held.position, *held.velocity, *held.acceleration, held.yaw], abs=1e-12
+        )
 
 
 @pytest.mark.parametrize(
@@ -350,7 +350,7 @@ def test_the_autopilot_is_told_the_model_and_the_rotors_are_the_plants(
     changed = dataclasses.replace(
         scenario, plant=dataclasses.replace(scenario.plant, vehicle=heavy)
     )
-    assert model_of(changed).vehicle == vehicle
+    assert changed.agent.model.vehicle == vehicle
     endless = tuple(
         dataclasses.replace(rotor, max_speed=float("inf")) for rotor in vehicle.rotors
     )

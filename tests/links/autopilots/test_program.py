@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -15,7 +16,7 @@ import pytest
 from px4_flights import make_program, scenario_of
 
 from skyarm.links.autopilots.autopilot import LinkError
-from skyarm.links.autopilots.program import Child, find_program, make_folder
+from skyarm.links.autopilots.program import Child, find_program
 from skyarm.links.autopilots.px4 import PX4, find_etc
 from skyarm.scenario.scenario_record import ScenarioError
 
@@ -187,7 +188,7 @@ def test_a_child_gets_none_of_our_variables_of_a_beginning(
     monkeypatch.setenv("PX4_PARAM_OF_MINE", "1")
     child = Child(
         ["/bin/sh", "-c", "env"],
-        make_folder(PX4()),
+        Path(tempfile.mkdtemp()),
         {"PX4_SIM_MODEL": "x"},
         without="PX4_",
     )
@@ -205,7 +206,7 @@ def test_a_child_gets_none_of_our_variables_of_a_beginning(
 def test_of_much_output_the_end_is_read(tmp_path: Path) -> None:
     child = Child(
         ["/bin/sh", "-c", "head -c 1000000 /dev/zero | tr '\\0' x; echo; echo bye"],
-        make_folder(PX4()),
+        Path(tempfile.mkdtemp()),
     )
     try:
         for _ in range(200):

@@ -169,7 +169,7 @@ def test_bytes_that_are_no_message_are_counted(monkeypatch):
         )
         link.wait(0.0)
         assert link.lost == 3 * 6
-        assert (link.state, link.modes) == (None, None)
+        assert (link.state, link.title) == (None, "")
     finally:
         link.close()
 

@@ -17,7 +17,6 @@ import socket
 import struct
 import time
 from collections.abc import Mapping
-from itertools import chain
 from typing import ClassVar
 
 from skyarm.algebra.frames import to_our_attitude, to_our_axes
@@ -37,14 +36,13 @@ from skyarm.links.autopilots.autopilot import (
     Numbers,
     Preparation,
     SensedInstant,
-    model_of,
     place_parameters,
 )
 from skyarm.links.autopilots.guided_vehicle import GuidedVehicle
 from skyarm.links.autopilots.program import ProgramLink, find_program
 from skyarm.links.autopilots.px4_ports import JOINT_PORT, ONBOARD_PORT
 from skyarm.links.mavlink_vehicle import ARDUPILOT_NUMBER, ARM, TAKE_OFF
-from skyarm.links.sockets import Address, drain
+from skyarm.links.sockets import Address, drain, open_datagrams
 from skyarm.links.transcript import Tape
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import Plain
@@ -102,7 +100,8 @@ PHYSICS_LINE = (
     '\n{"timestamp":%r,"imu":{"gyro":[%.9g,%.9g,%.9g],"accel_body":[%.9g,%.9g,%.9g]},"position":[%r,%r,%r],'
     '"quaternion":[%.9g,%.9g,%.9g,%.9g],"velocity":[%.9g,%.9g,%.9g],"no_time_sync":1}\n'
 )
-"""Answer to a frame; ArduPilot finds a key by the first occurrence of its letters."""
+"""Answer to a frame; ArduPilot finds a key by the first occurrence of its letters, and
+reads ``no_time_sync`` as a whole number: ``true`` would count as 0."""
 
 
 OUTSIDE_PARAMETERS = {
@@ -140,6 +139,8 @@ class ArduPilot(Autopilot):
     name: ClassVar[str] = "ardupilot"
     title: ClassVar[str] = "ArduPilot"
     variable: ClassVar[str] = "SKYARM_ARDUPILOT"
+    # it does not arm while its gyroscope is read at less than 1.8 times the rate of its
+    # loop of 400 Hz
     least_rate: ClassVar[int] = 800
 
     def sensors(self, vehicle: Vehicle) -> Mapping[str, Sensor]:
@@ -183,15 +184,15 @@ def physics_line(time: float, imu: Numbers, state: Numbers) -> bytes:
         state: position, quaternion and velocity, then what is not used, in the order of
             :class:`skyarm.dynamics.State`.
     """
-    _, p, q, r, fx, fy, fz = imu
-    x, y, z, qw, qx, qy, qz, vx, vy, vz = state[:10]
-    turned = (
-        to_our_axes(p, q, r),
-        to_our_axes(fx, fy, fz),
-        to_our_axes(x, y, z),
-        to_our_attitude(qw, qx, qy, qz),
+    w, x, y, z = state[3:7]
+    numbers = (
+        time,
+        *to_our_axes(*imu[1:4]),
+        *to_our_axes(*imu[4:7]),
+        *to_our_axes(*state[0:3]),
+        *to_our_attitude(w, x, y, z),
+        *to_our_axes(*state[7:10]),
     )
-    numbers = (time, *chain(*turned, to_our_axes(vx, vy, vz)))
     return (PHYSICS_LINE % numbers).encode("ascii")
 
 
@@ -201,22 +202,19 @@ class ArduPilotLink(ProgramLink):
     """
 
     def __init__(self, record: ArduPilot, scenario: Scenario, tape: Tape) -> None:
-        super().__init__(record)
-        self._tape = tape
-        model, rate = model_of(scenario), scenario.rates.control
+        super().__init__(record, scenario, tape)
+        model, rate = scenario.agent.model, scenario.rates.control
         self._motors = fitting_frame(model.vehicle)[1]
         # MAVLink is exchanged at 50 Hz, the rate of the requested position messages
         self._period, self._goal_every = 1.0 / rate, max(1, rate // 50)
-        self._steps = self._repeated = 0
+        self._repeated = 0
         self._frame, self._arrived = -1, 0.0
         self._line = b""
-        self._signals: Numbers = (0.0,) * len(self._motors)
         self._vehicle = GuidedVehicle(
             ARDUPILOT_NUMBER, self._carry, record.parameters, system=1
         )
         self._ready, self._leaves, self._next = False, False, 0.0
         start = first_state(scenario)
-        self._stand = float(start.position.z) - record.climb
         self._planned = (float(start.position.x), float(start.position.y), self._stand)
         # yaw is positive to the left here, a heading to the right
         heading = -math.degrees(yaw_of(start.quaternion))
@@ -243,11 +241,7 @@ class ArduPilotLink(ProgramLink):
     ) -> None:
         """Open free ports, start ArduPilot on them, and accept its connection."""
         program = find_program(self._record, "arducopter")
-        self._udp = self._held.enter_context(
-            socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        )
-        self._udp.bind(("127.0.0.1", 0))
-        self._udp.settimeout(0.2)
+        self._udp = self._held.enter_context(open_datagrams())
         with socket.create_server(("127.0.0.1", 0)) as listener:
             folder = self._make_folder()
             defaults = folder / "vehicle.parm"
@@ -333,7 +327,6 @@ class ArduPilotLink(ProgramLink):
         if time.monotonic() - self._arrived > REPEATED:
             with contextlib.suppress(ConnectionError):
                 self._repeated += len(drain(self._udp))
-            self._udp.settimeout(0.2)
         self._send_line(line)
 
     def _send_line(self, line: bytes) -> None:
@@ -393,6 +386,8 @@ class ArduPilotLink(ProgramLink):
         ArduPilot keeps repeating its frame.
         """
         assert self._udp is not None
+        # short, chosen: a program that has ended is noticed soon
+        self._udp.settimeout(0.2)
         until, repeats = time.monotonic() + self._record.patience, 0
         while True:
             try:
@@ -537,6 +532,5 @@ def _free_port() -> int:
     """Free UDP port for ArduPilot's radio control input, which it opens even without a
     radio.
     """
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
+    with open_datagrams() as probe:
         return int(probe.getsockname()[1])

@@ -17,35 +17,12 @@ from skyarm.links.autopilots.effectiveness import (
     square_share,
 )
 from skyarm.links.autopilots.px4_parameters import RATE_BANDWIDTH, YAW_BANDWIDTH
-from skyarm.records.immutable import positional
+from skyarm.records.files import shipped_tables
+from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.vehicle import Vehicle
 
 Motors = tuple[tuple[float, int], ...]
-
-_RIGHT_HAND: Motors = ((90, 1), (-90, 1), (0, -1), (180, -1))
-_DIAGONAL: Motors = ((45, 1), (-135, 1), (-45, -1), (135, -1))
-_HEXA: Motors = ((0, -1), (180, 1), (-120, -1), (60, 1), (-60, 1), (120, -1))
-_OCTA: Motors = (
-    (0, -1),
-    (180, -1),
-    (45, 1),
-    (135, 1),
-    (-45, 1),
-    (-135, 1),
-    (-90, -1),
-    (90, -1),
-)
-_COAXIAL: Motors = (
-    (0, 1),
-    (-90, -1),
-    (180, 1),
-    (90, -1),
-    (-90, 1),
-    (0, -1),
-    (90, 1),
-    (180, -1),
-)
 
 ANGLE_TOLERANCE = 15.0
 """Largest angle (deg) between a rotor and its position in a frame."""
@@ -54,7 +31,7 @@ UPRIGHT = math.cos(math.radians(10.0))
 """Least vertical component of a rotor's axis; ArduPilot assumes parallel thrusts."""
 
 
-@positional
+@immutable
 class ArduPilotFrame:
     """Rotor layout that ArduPilot has a mixer for: frame class and type, angle and spin
     of each motor.
@@ -72,39 +49,14 @@ class ArduPilotFrame:
     motors: Motors
 
 
-FRAMES = (
-    ArduPilotFrame("quadrotor +", 1, 0, _RIGHT_HAND),
-    ArduPilotFrame("quadrotor X", 1, 1, _DIAGONAL),
+FRAMES = tuple(
     ArduPilotFrame(
-        "quadrotor + with reversed spins",
-        1,
-        6,
-        tuple((angle, -spin) for angle, spin in _RIGHT_HAND),
-    ),
-    ArduPilotFrame(
-        "quadrotor X with reversed spins",
-        1,
-        18,
-        ((135, 1), (45, -1), (-135, -1), (-45, 1)),
-    ),
-    ArduPilotFrame("hexarotor +", 2, 0, _HEXA),
-    ArduPilotFrame(
-        "hexarotor X",
-        2,
-        1,
-        ((90, -1), (-90, 1), (-30, -1), (150, 1), (30, 1), (-150, -1)),
-    ),
-    ArduPilotFrame("octorotor +", 3, 0, _OCTA),
-    ArduPilotFrame(
-        "octorotor X", 3, 1, tuple((angle + 22.5, spin) for angle, spin in _OCTA)
-    ),
-    ArduPilotFrame("coaxial octorotor +", 4, 0, _COAXIAL),
-    ArduPilotFrame(
-        "coaxial octorotor X",
-        4,
-        1,
-        tuple((angle + 45, spin) for angle, spin in _COAXIAL),
-    ),
+        name=name,
+        number=row["class"],
+        form=row["type"],
+        motors=tuple((angle, spin) for angle, spin in row["motors"]),
+    )
+    for name, row in shipped_tables(__file__).items()
 )
 """Supported frames, in the order in which they are tried."""
 

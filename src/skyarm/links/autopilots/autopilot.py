@@ -378,14 +378,6 @@ class AutopilotMaker:
         return controller_with(self.kind(**options), model, joint_gains)
 
 
-def model_of(scenario: Scenario) -> Model:
-    """Nominal model from which an autopilot's parameters are computed; the simulated
-    plant may differ from it.
-    """
-    model: Model = scenario.agent.model
-    return model
-
-
 def require_rotors(vehicle: Vehicle, model: Vehicle, title: str) -> None:
     """Raise an error if the plant's rotors tilt, lack a maximum speed, or differ in
     number from the model's.

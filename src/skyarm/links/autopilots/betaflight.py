@@ -40,7 +40,6 @@ from skyarm.links.autopilots.autopilot import (
     Patience,
     Preparation,
     SensedInstant,
-    model_of,
 )
 from skyarm.links.autopilots.betaflight_process import (
     HALT,
@@ -68,7 +67,7 @@ from skyarm.links.sockets import Address, drain
 from skyarm.links.transcript import Tape
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import Plain
-from skyarm.scenario.scenario_record import Scenario, first_state
+from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.channel import Channel
 from skyarm.sensing.sensor import Sensor
 from skyarm.sensing.sensor_kinds import Pose
@@ -161,10 +160,9 @@ class BetaflightLink(ProgramLink):
     """
 
     def __init__(self, record: Betaflight, scenario: Scenario, tape: Tape) -> None:
-        super().__init__(record)
-        model = model_of(scenario)
+        super().__init__(record, scenario, tape)
+        model = scenario.agent.model
         vehicle, gravity = model.vehicle, float(model.gravity)
-        self._tape, self._rotors = tape, len(vehicle.rotors)
         self._period = scenario.rates.period
         self._sticks = Sticks(vehicle, gravity)
         # the position loop stays slower than the angle loop inside it (angle_p_gain is
@@ -174,13 +172,11 @@ class BetaflightLink(ProgramLink):
         )
         self._control = AngleControl(record.gains.slow_down(slow), gravity)
         self._filter = MotionFilter(gravity)
-        self._stand = float(first_state(scenario).position.z) - record.climb
-        self._signals: Numbers = (0.0,) * self._rotors
         self._seen = -1.0
         self._armed = False
         self._armed_at = 0.0
         self._asked = POWER_ON
-        self._states = self._answered = self._bad = 0
+        self._answered = self._bad = 0
         self._silent_since, self._sent, self._heard, self._begun = 0.0, 0.0, 0.0, 0.0
         self._late: list[float] = []
         self._apart: deque[float] = deque(maxlen=RECENT)
@@ -271,6 +267,7 @@ class BetaflightLink(ProgramLink):
         for k in range(count):
             time.sleep(max(sent + WARM_STEP - time.monotonic(), 0.0))
             sent = time.monotonic()
+            # of 16 channels four are sticks and twelve are switches
             self._send(RADIO.pack(k * WARM_STEP, *LEVEL, *(OFF,) * 12), RADIO_PORT)
             self._send(state_message(k * WARM_STEP, *level), STATE_PORT)
             # in the first half its clock may still stand: only the second half counts
@@ -288,7 +285,7 @@ class BetaflightLink(ProgramLink):
             for each in (self._late, self._waits)
         )
         return {
-            "steps": self._states,
+            "steps": self._steps,
             "answered": self._answered,
             "bad_frames": self._bad,
             "late_ms_p50": float(late[0]),
@@ -315,7 +312,7 @@ class BetaflightLink(ProgramLink):
         channels = self._channels(now.time, quaternion, goal)
         velocity = self._filter.velocity
         self._pace()
-        self._states += 1
+        self._steps += 1
         self._tape.send(
             "radio",
             RADIO.pack(now.time, *channels),
@@ -372,6 +369,7 @@ class BetaflightLink(ProgramLink):
                 f" {self._rotors} numbers"
             )
         self._answered += 1
+        # pulse widths of 1000 to 2000 us
         self._signals = tuple(
             min(max((each - 1000.0) * 1e-3, 0.0), 1.0) for each in motors
         )
@@ -397,11 +395,11 @@ class BetaflightLink(ProgramLink):
         now = time.monotonic()
         if self._guard is not None and self._guard.wake(ANSWER + HALT):
             # time goes on where it was halted
-            self._sent, self._begun = 0.0, now - self._states * self._period
+            self._sent, self._begun = 0.0, now - self._steps * self._period
             self._silent_since = now
         if self._begun == 0.0:
-            self._begun = now - self._states * self._period
-        due = self._begun + self._states * self._period
+            self._begun = now - self._steps * self._period
+        due = self._begun + self._steps * self._period
         # later than the last exchange by most of a period, however late: two states
         # read at once would make the program's clock leap
         at = max(due, max(self._sent, self._heard) + CATCH_UP * self._period)

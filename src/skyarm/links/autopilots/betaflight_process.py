@@ -18,6 +18,7 @@ from pathlib import Path
 
 from skyarm.links.autopilots.autopilot import Autopilot, LinkError
 from skyarm.links.autopilots.program import Child, find_program
+from skyarm.links.sockets import LOOPBACK
 from skyarm.records.files import how_to_install, shown
 from skyarm.scenario.scenario_record import ScenarioError
 
@@ -131,31 +132,28 @@ def open_port() -> socket.socket:
         LinkError: a port is taken.
     """
     for kind, port in GUARDED_PORTS[1:]:
-        with socket.socket(socket.AF_INET, kind) as probe:
-            _bind(probe, port, kind)
-    motors = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    try:
-        _bind(motors, MOTORS_PORT, socket.SOCK_DGRAM)
-    except LinkError:
-        motors.close()
-        raise
-    return motors
+        _bind(kind, port).close()
+    return _bind(socket.SOCK_DGRAM, MOTORS_PORT)
 
 
-def _bind(one: socket.socket, port: int, kind: socket.SocketKind) -> None:
+def _bind(kind: socket.SocketKind, port: int) -> socket.socket:
+    """Socket at one of Betaflight's ports, which must be free."""
     stream = kind == socket.SOCK_STREAM
+    one = socket.socket(socket.AF_INET, kind)
     try:
         if stream:
             # a port that a flight left a moment ago is free again, but not one that
             # listens
             one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        one.bind(("127.0.0.1", port))
+        one.bind((LOOPBACK, port))
     except OSError as error:
+        one.close()
         what = f"{'TCP' if stream else 'UDP'} port {port}"
         raise LinkError(
             f"{what} must be free for Betaflight, one flight at a time:"
             f" {error.strerror}"
         ) from None
+    return one
 
 
 def connect_console(child: Child, patience: float) -> socket.socket:
@@ -169,7 +167,7 @@ def connect_console(child: Child, patience: float) -> socket.socket:
     until = time.monotonic() + patience
     while True:
         with suppress(OSError):
-            return socket.create_connection(("127.0.0.1", CONSOLE_PORT), timeout=0.5)
+            return socket.create_connection((LOOPBACK, CONSOLE_PORT), timeout=0.5)
         if not child.running:
             raise LinkError(
                 f"Betaflight ended while it started{child.ending('Betaflight')}"

@@ -193,19 +193,20 @@ def console_lines(
     mix, loops = vehicle_loops(vehicle, gravity)
     for i, row in enumerate(mix):
         lines.append(f"mmix {i} " + " ".join(f"{share:.4f}" for share in row))
-    lines += ["feature -GPS", "feature -TELEMETRY", "feature AIRMODE"]
     lines += [
+        "feature -GPS",
+        "feature -TELEMETRY",
+        "feature AIRMODE",
+        # armed by the fifth channel, angle mode by the sixth
         "aux 0 0 0 1700 2100 0 0",
         "aux 1 1 1 1700 2100 0 0",
-    ]  # armed by the fifth channel, angle mode by the sixth
-    choices = {
-        "rates_type": "ACTUAL",
-        "rc_smoothing": "OFF",
-        "runaway_takeoff_prevention": "OFF",
-        "iterm_relax": "OFF",
-        "simplified_pids_mode": "OFF",
-        "tpa_mode": "D",
-    }
+        "set rates_type = ACTUAL",
+        "set rc_smoothing = OFF",
+        "set runaway_takeoff_prevention = OFF",
+        "set iterm_relax = OFF",
+        "set simplified_pids_mode = OFF",
+        "set tpa_mode = D",
+    ]
     numbers: dict[str, float] = {
         "min_check": LOWEST_STICK,
         "motor_idle": round(IDLE * 1e4),
@@ -223,11 +224,7 @@ def console_lines(
     for axis, rate in (("roll", 20), ("pitch", 20), ("yaw", round(YAW_LIMIT / 10))):
         numbers |= {f"{axis}_rc_rate": rate, f"{axis}_srate": rate, f"{axis}_expo": 0}
     numbers |= loops | dict(parameters)
-    return (
-        lines
-        + [f"set {name} = {value}" for name, value in choices.items()]
-        + [f"set {name} = {value:g}" for name, value in numbers.items()]
-    )
+    return lines + [f"set {name} = {value:g}" for name, value in numbers.items()]
 
 
 class Sticks:
@@ -268,21 +265,24 @@ def state_message(
 ) -> bytes:
     """State message for Betaflight from the readings of the inertial unit and of motion
     capture.
+
+    Args:
+        seconds: s, time of the state.
+        imu: time, rate (rad/s) and specific force (m/s^2) in base axes.
+        pose: time, position (m) and attitude w, x, y, z.
+        velocity: m/s, world axes.
     """
-    _, p, q, r, fx, fy, fz = imu
-    _, x, y, z, qw, qx, qy, qz = pose
-    vx, vy, vz = velocity
+    w, x, y, z = pose[4:8]
     return STATE.pack(
         seconds,
-        *to_our_axes(p, q, r),
-        -fx,
-        -fy,
-        -fz,
-        *to_our_attitude(qw, qx, qy, qz),
-        *to_our_axes(vx, vy, vz),
-        *to_our_axes(x, y, z),
+        *to_our_axes(*imu[1:4]),
+        # it turns the sign of the accelerometer round
+        *(-force for force in imu[4:7]),
+        *to_our_attitude(w, x, y, z),
+        *to_our_axes(*velocity),
+        *to_our_axes(*pose[1:4]),
         # the standard atmosphere loses 12 Pa a metre near the ground
-        101325.0 - 12.0 * z,
+        101325.0 - 12.0 * pose[3],
     )
 
 

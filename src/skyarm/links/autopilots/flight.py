@@ -11,8 +11,6 @@ import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from skyarm.algebra import ZERO3_DATA, Vec3
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.controller import autopilot_of
@@ -24,14 +22,12 @@ from skyarm.links.autopilots.autopilot import (
     SensedInstant,
     SimulatorLink,
     inertial_unit,
-    model_of,
     require_rotors,
 )
 from skyarm.links.joint_port import JointPortError, JointServer
 from skyarm.links.transcript import Tape, TranscriptError
 from skyarm.log.flight_log import Log
 from skyarm.log.metrics.windows import Windows
-from skyarm.records.arrays import Array, doubles
 from skyarm.records.files import errors_as
 from skyarm.reference import Reference, Trajectory, hover
 from skyarm.scenario.in_flight import stretches
@@ -47,7 +43,6 @@ from skyarm.scenario.scenario_record import (
 from skyarm.sensing.sensor_kinds import mount_rotation
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.course import Course
-from skyarm.simulate.inputs import EpisodeInputs
 from skyarm.simulate.session import Session, Snapshot
 from skyarm.world.launch_stand import LaunchStand
 
@@ -83,7 +78,9 @@ def planned_scenario(scenario: Scenario) -> Scenario:
     """
     autopilot: Autopilot = autopilot_of(scenario.agent.controller)
     require_free_flight(scenario)
-    require_rotors(scenario.agent.vehicle, model_of(scenario).vehicle, autopilot.title)
+    require_rotors(
+        scenario.agent.vehicle, scenario.agent.model.vehicle, autopilot.title
+    )
     if autopilot.outside:
         _ = autopilot.outside_ports  # refuses an autopilot without any
         if autopilot.transcript or autopilot.replayed:
@@ -237,26 +234,6 @@ def goal_of(reference: Reference) -> BaseGoal:
     )
 
 
-def goal_columns(inputs: EpisodeInputs) -> Array | None:
-    """Set points of all control periods as a table, (steps, 10): position, velocity,
-    acceleration, yaw.
-
-    None for a task whose phases wait for conditions, which has no such table.
-    """
-    if inputs.waits.guards:
-        return None
-    reference, steps = inputs.held_reference, inputs.scenario.steps
-    columns = (
-        *reference.position,
-        *reference.velocity,
-        *reference.acceleration,
-        reference.yaw,
-    )
-    return np.stack(
-        [np.broadcast_to(doubles(column), (steps,)) for column in columns], axis=1
-    )
-
-
 class PilotedSession(Session):
     """Session in which an autopilot's program flies the base: it reads the sensors and
     commands the rotors.
@@ -310,6 +287,8 @@ class PilotedSession(Session):
         self._joint_server: JointServer | None = None  # the port from the hand-over on
         self._wall, self._late = 0.0, 0
         self._state: list[float] = []  # true, at the last exchange
+        stopped = (0.0,) * len(planned.agent.vehicle.rotors)
+        self._signals: Sequence[float] = stopped
         # measured, the last period's: a program outside gets what an encoder reads
         self._arm: list[float] = []
         super().__init__(take_off, machine_code=machine_code)
@@ -368,35 +347,13 @@ class PilotedSession(Session):
             self._late += 1
 
     def _begin_flight(self) -> None:
-        """Prepare the columns of sensor readings, the set points and the rotor signals
-        when the flight begins.
-        """
-        engine = self._engine
-        self._columns, self._source = engine.recorder.reading_columns, engine
+        """Prepare set point, clock and inertial axes when a flight begins."""
         # drivers turn what they read into base axes; the place is a parameter of the
         # autopilot
         self._axes = mount_rotation(inertial_unit(self.scenario).turned_by)
         self._every = self.scenario.rates.control // self.scenario.rates.reference
         self._period = self.scenario.rates.period
-        stopped = (0.0,) * len(self.scenario.agent.vehicle.rotors)
-        self._signals: Sequence[float] = (
-            stopped if self._link is None else self._signals
-        )
-        (self._inputs,) = engine.inputs.each
-        self._goals: Array | None = goal_columns(self._inputs)
         self._goal = goal_of(self.reference)
-
-    def _next_goal(self) -> BaseGoal:
-        """Set point of the base for the next control period."""
-        (inputs,) = self._engine.inputs.each
-        # a changed scenario has new inputs and other set points
-        if inputs is not self._inputs:
-            self._inputs, self._goals = inputs, goal_columns(inputs)
-        if self._goals is None:
-            return goal_of(self.reference)
-        row = self._goals[self.tick].tolist()
-        # in the order of goal_columns
-        return BaseGoal(row[0:3], row[3:6], row[6:9], row[9])
 
     def _take_off(self, progress: Callable[[float, float], object] | None) -> bool:
         """Fly from the launch stand to the start; False if the flight ended before the
@@ -472,18 +429,19 @@ class PilotedSession(Session):
         if not going:
             self.close()
             return False
-        engine, tick = self._engine, self.tick
-        if engine is not self._source:
-            self._columns, self._source = engine.recorder.reading_columns, engine
-        row = engine.recorder.row(tick - 1).tolist()
+        recorder, tick = self._engine.recorder, self.tick
+        row = recorder.row(tick - 1).tolist()
         if self._joint_server is not None:
-            self._arm = row[engine.recorder.joint_columns]
+            self._arm = row[recorder.joint_columns]
         if tick % self._every == 0:
-            self._goal = self._next_goal()
+            self._goal = goal_of(self.reference)
         self._seconds = self._prepared + (tick - 1) * self._period
         self._tape.time = self._seconds
+        # behind the time stand position, attitude, velocity and rate
         self._state = row[1:14]
-        readings = {name: row[where] for name, where in self._columns.items()}
+        readings = {
+            name: row[where] for name, where in recorder.reading_columns.items()
+        }
         for reading in readings.values():
             reading[0] += self._prepared  # the clock of the link goes on at hand-over
         if self._axes is not None:

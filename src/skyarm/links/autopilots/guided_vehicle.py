@@ -169,20 +169,11 @@ class GuidedVehicle(MavlinkVehicle):
             time - self._requested_at >= REPLY
             or not self._requested & self._unread.keys()
         ):
-            self._requested_at, self._requested = time, {*list(self._unread)[:FEW]}
+            self._requested_at = time
+            self._requested.clear()
             for name in list(self._unread)[:FEW]:
                 self.request_parameter(name)
         return False
-
-    @property
-    def obeys(self) -> bool:
-        """True if the autopilot is in the mode that takes external set points."""
-        return self.numbers.is_outside(self.mode)
-
-    @property
-    def holds(self) -> bool:
-        """True if the autopilot is in the mode that holds its position."""
-        return self.numbers.is_hold(self.mode)
 
     def require_obedience(self, armed: bool, seconds: float) -> None:
         """Raise an error if the vehicle is disarmed or has left the mode for external

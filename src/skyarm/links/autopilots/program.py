@@ -17,9 +17,15 @@ from contextlib import ExitStack, contextmanager, suppress
 from itertools import islice
 from pathlib import Path
 
-from skyarm.links.autopilots.autopilot import Autopilot, LinkError, SimulatorLink
+from skyarm.links.autopilots.autopilot import (
+    Autopilot,
+    LinkError,
+    Numbers,
+    SimulatorLink,
+)
+from skyarm.links.transcript import Tape
 from skyarm.records.files import shown
-from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 
 LAST_WORDS = 400
 """Number of last characters of a program's output that a message repeats."""
@@ -184,21 +190,22 @@ def _printable(line: str) -> str:
     return "".join(c for c in plain if c.isprintable()).strip()
 
 
-def make_folder(autopilot: Autopilot) -> Path:
-    """Make a temporary folder for a program to run in."""
-    return Path(tempfile.mkdtemp(prefix=f"skyarm_{autopilot.name}_"))
-
-
 class ProgramLink(SimulatorLink):
     """Connection to a program that it starts itself; closing it ends the process and
     removes folder and sockets.
 
     Args:
         record: record of the autopilot.
+        scenario: scenario with the sensors and the control rate of the link.
+        tape: records the exchange, or plays one back in place of the program.
     """
 
-    def __init__(self, record: Autopilot) -> None:
-        self._record, self._title = record, record.title
+    def __init__(self, record: Autopilot, scenario: Scenario, tape: Tape) -> None:
+        self._record, self._title, self._tape = record, record.title, tape
+        self._stand = float(first_state(scenario).position.z) - record.climb
+        self._rotors = len(scenario.agent.vehicle.rotors)
+        self._signals: Numbers = (0.0,) * self._rotors
+        self._steps = 0
         self._child: Child | None = None
         self._tcp: socket.socket | None = None
         self._held = ExitStack()
@@ -223,7 +230,7 @@ class ProgramLink(SimulatorLink):
 
     def _make_folder(self) -> Path:
         """Make a temporary folder for the program, which is removed with the link."""
-        folder = make_folder(self._record)
+        folder = Path(tempfile.mkdtemp(prefix=f"skyarm_{self._record.name}_"))
         self._held.callback(shutil.rmtree, folder, ignore_errors=True)
         return folder
 

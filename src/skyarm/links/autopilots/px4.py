@@ -28,7 +28,6 @@ from skyarm.links.autopilots.autopilot import (
     LinkError,
     Numbers,
     SensedInstant,
-    model_of,
 )
 from skyarm.links.autopilots.guided_vehicle import GuidedVehicle
 from skyarm.links.autopilots.program import ProgramLink, find_program
@@ -40,7 +39,7 @@ from skyarm.links.sockets import drain
 from skyarm.links.transcript import Tape
 from skyarm.records.immutable import immutable
 from skyarm.records.plain import Plain
-from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensing.navigation_sensors import Barometer, Gnss, Magnetometer
 from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle import Vehicle
@@ -110,6 +109,7 @@ class PX4(Autopilot):
     name: ClassVar[str] = "px4"
     title: ClassVar[str] = "PX4"
     variable: ClassVar[str] = "SKYARM_PX4"
+    # measured: its estimator, arming and hover work at this rate
     least_rate: ClassVar[int] = 250
 
     def sensors(self, vehicle: Vehicle) -> Mapping[str, Sensor]:
@@ -160,11 +160,6 @@ class PX4Link(ProgramLink):
     """Connection to a running PX4: its process, the simulator's TCP stream, and the
     onboard MAVLink port.
 
-    Args:
-        record: options.
-        scenario: scenario with the sensors and the control rate of the link.
-        tape: records the exchange, or plays one back in place of the program.
-
     Raises:
         ScenarioError: no program, or a vehicle that PX4 cannot fly.
         LinkError: PX4 does not start or does not connect.
@@ -173,26 +168,22 @@ class PX4Link(ProgramLink):
     _record: PX4
 
     def __init__(self, record: PX4, scenario: Scenario, tape: Tape) -> None:
-        super().__init__(record)
-        self._tape = tape
+        super().__init__(record, scenario, tape)
         self._udp: socket.socket | None = None
         self._partner = ("", 0)
-        vehicle = scenario.agent.vehicle
-        self._rotors = len(vehicle.rotors)
-        self._signals = (0.0,) * self._rotors
         self._rate = scenario.rates.control
         # set points go out at 50 Hz
         self._goal_every = max(1, self._rate // 50)
-        self._stand = float(first_state(scenario).position.z) - record.climb
         self._sensors = SensorMessages()
         self._simulator, self._sequence = mavlink.Parser(), 0
         self._vehicle = GuidedVehicle(
             PX4_NUMBER, self._carry, record.parameters, datagrams=True
         )
-        self._row = self._steps = self._answered = self._missed = self._failsafes = 0
+        self._row = self._answered = self._missed = self._failsafes = 0
         self._silence = 0.0
         self._armed = self._ready = self._leaves = self._failing = False
-        model = model_of(scenario)
+        # the nominal one, as of a real vehicle: the simulated plant may differ from it
+        model = scenario.agent.model
         needed = vehicle_parameters(
             model.vehicle, float(model.gravity)
         ) | sensor_parameters(scenario)
@@ -216,6 +207,7 @@ class PX4Link(ProgramLink):
                 f"PX4_PARAM_{name}": f"{value:.9g}"
                 for name, value in parameters.items()
             }
+            # a model that starts no simulator: PX4 waits for the one at our port
             environment["PX4_SIM_MODEL"] = "none_iris"
             folder = self._make_folder()
             ours, theirs = ports.onboard.getsockname()[1], ports.partner[1]

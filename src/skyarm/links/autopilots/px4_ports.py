@@ -7,6 +7,7 @@ from __future__ import annotations
 import socket
 
 from skyarm.links.autopilots.autopilot import LinkError
+from skyarm.links.sockets import LOOPBACK, open_datagrams
 from skyarm.records.immutable import positional
 from skyarm.scenario.scenario_record import ScenarioError
 
@@ -31,7 +32,7 @@ class Ports:
     @property
     def partner(self) -> tuple[str, int]:
         """Address of PX4's side of the onboard port."""
-        return "127.0.0.1", 14580 + self.instance
+        return LOOPBACK, 14580 + self.instance
 
 
 def open_ports(instance: int) -> Ports:
@@ -50,20 +51,19 @@ def open_ports(instance: int) -> Ports:
     reason = ""
     for number in range(INSTANCES) if instance < 0 else (instance,):
         # PX4 adds its instance to each of these numbers
-        tcp, udp = socket.socket(), socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        tcp = socket.socket()
         try:
             # the port of a flight that has just ended may be used at once
             tcp.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            tcp.bind(("127.0.0.1", 4560 + number))
+            tcp.bind((LOOPBACK, 4560 + number))
             tcp.listen(1)
-            udp.bind(("127.0.0.1", ONBOARD_PORT + number))
-            udp.setblocking(False)
-            _require_free(14580 + number)
-            return Ports(number, tcp, udp)
+            # PX4's own port, which an instance of another user may have
+            open_datagrams((LOOPBACK, 14580 + number)).close()
+            onboard = open_datagrams((LOOPBACK, ONBOARD_PORT + number))
+            return Ports(number, tcp, onboard)
         except OSError as error:
             reason = error.strerror or str(error)
             tcp.close()
-            udp.close()
     first, last = (0, INSTANCES - 1) if instance < 0 else (instance, instance)
     ports = ", ".join(_span(base + first, base + last) for base in (4560, 14540, 14580))
     raise LinkError(
@@ -74,11 +74,3 @@ def open_ports(instance: int) -> Ports:
 
 def _span(first: int, last: int) -> str:
     return str(first) if first == last else f"{first} to {last}"
-
-
-def _require_free(port: int) -> None:
-    """Bind and release PX4's own port, to detect an instance started by another
-    user.
-    """
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", port))

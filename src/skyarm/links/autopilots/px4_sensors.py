@@ -47,10 +47,8 @@ def to_geodetic(north: float, east: float, up: float, origin: Geodetic) -> Geode
         the ellipsoid in m.
 
     Raises:
-        ValueError: one line: a latitude beyond 90 degrees, or a number that is not
-            finite.
+        ValueError: one line: a coordinate that is not finite.
     """
-    require_geodetic(origin)
     if not all(map(math.isfinite, (north, east, up))):
         raise ValueError(
             f"position = [{north:g}, {east:g}, {up:g}]: must be finite numbers, m"
@@ -104,21 +102,6 @@ def from_earth_fixed(x: float, y: float, z: float) -> Geodetic:
     return math.degrees(latitude), math.degrees(math.atan2(y, x)), height
 
 
-def require_geodetic(point: Geodetic) -> None:
-    """Raise an error for a latitude beyond 90 degrees or for numbers that are not
-    finite.
-
-    Raises:
-        ValueError: one line with the value and what is allowed.
-    """
-    if not (all(map(math.isfinite, point)) and abs(point[0]) <= 90.0):
-        given = ", ".join(f"{each:g}" for each in point)
-        raise ValueError(
-            f"origin = [{given}]: must be a latitude from -90 to 90 degrees, a"
-            " longitude and a height in m"
-        )
-
-
 HOME: Geodetic = (47.397742, 8.545594, 488.0)
 """Latitude and longitude (deg) and altitude (m) of the world's origin: PX4's usual
 place, near Zurich."""
@@ -155,21 +138,12 @@ class SensorMessages:
         """Fields of HIL_SENSOR: inertial reading, and magnetic field and pressure if
         they are new.
         """
-        _, *rate_and_force = readings["imu"]
-        p, q, r = to_our_axes(*rate_and_force[:3])
-        fx, fy, fz = to_our_axes(*rate_and_force[3:])
-        updated = INERTIAL
-        # 20 degrees, chosen, until a barometer tells
-        fields = {
-            "xgyro": p,
-            "ygyro": q,
-            "zgyro": r,
-            "xacc": fx,
-            "yacc": fy,
-            "zacc": fz,
-            # degrees Celsius, chosen
-            "temperature": 20.0,
-        }
+        imu, updated = readings["imu"], INERTIAL
+        # behind the time stand rate and specific force
+        rate, force = to_our_axes(*imu[1:4]), to_our_axes(*imu[4:7])
+        names = ("xgyro", "ygyro", "zgyro", "xacc", "yacc", "zacc")
+        # 20 degrees Celsius, chosen, until a barometer tells
+        fields = dict(zip(names, (*rate, *force), strict=True), temperature=20.0)
         read, *field = readings["magnetometer"]
         if self._is_new("magnetometer", read):
             updated |= MAGNETIC

@@ -19,18 +19,12 @@ from skyarm.links.outside.offboard_link import OffboardError
 from skyarm.links.outside.outside_law import MotorCommand, SetPoint
 from skyarm.links.outside.px4_topics import (
     ALIVE,
-    ANSWER,
-    AUTO_BIT,
     COMMAND,
     DEFINITIONS,
     IN,
-    INERTIAL,
-    LANDED,
-    MODE,
     MOST_MOTORS,
     MOTORS,
     ODOMETRY,
-    OFFBOARD_BIT,
     OUT,
     TYPES,
 )
@@ -39,7 +33,6 @@ from skyarm.links.ros.node import Content, RosError
 from skyarm.links.ros.ros2_node import MOST_DOMAIN, Ros2Node
 from skyarm.log.ros.message_bytes import MessageError, decode, encode
 from skyarm.records.files import errors_as, shown
-from skyarm.records.immutable import positional
 
 FORM = re.compile(r"dds://(\d{1,3})((?:/[A-Za-z_]\w*)*)/?", re.ASCII)
 """Pattern of a DDS address: domain, and namespace of PX4's topics."""
@@ -50,21 +43,6 @@ OURS = 1, COMPONENT
 NED, FRD, BODY = 1, 2, 3
 """Frames of an odometry message: north-east-down; the same with another heading; base
 axes, for velocities only."""
-
-
-@positional
-class ModeBits:
-    """Decoder of PX4's mode bits: external set points, or autonomous flight."""
-
-    title: str = "PX4"
-
-    def is_outside(self, mode: int) -> bool:
-        """True if a mode takes external set points."""
-        return bool(mode & OFFBOARD_BIT)
-
-    def is_hold(self, mode: int) -> bool:
-        """True if PX4 flies autonomously in a mode."""
-        return bool(mode & AUTO_BIT) and not mode & OFFBOARD_BIT
 
 
 def parse_domain(url: str) -> tuple[int, str]:
@@ -88,6 +66,10 @@ class DdsLink(Estimates):
 
     Args:
         url: ``dds://DOMAIN`` or ``dds://DOMAIN/NAMESPACE``.
+
+    Attributes:
+        title: name of the autopilot; empty before it has sent its mode.
+        obeys, holds: True if its mode takes external set points; if it flies by itself.
     """
 
     accelerometer = "let its dds_topics.yaml publish sensor_combined"
@@ -105,24 +87,22 @@ class DdsLink(Estimates):
         except BaseException:
             self._node.close()
             raise
-        self.modes: ModeBits | None = None
-        self.armed, self.beaten = False, -math.inf
-        self.mode, self.said, self.lost = 0, "", 0
+        self.title = self.said = ""
+        self.armed = self.obeys = self.holds = False
+        self.beaten, self.lost = -math.inf, 0
         self.round_trips: tuple[float, ...] = ()
         self._readers = {
-            INERTIAL: self._hear_inertial,
-            ODOMETRY: self._hear_odometry,
-            MODE: self._hear_mode,
-            LANDED: self._hear_landed,
-            ANSWER: self._hear_answer,
-            # v1.17 marks the type's version in the topic's name: either name is read
-            f"{ANSWER}_v1": self._hear_answer,
+            "px4_msgs/VehicleOdometry": self._hear_odometry,
+            "px4_msgs/SensorCombined": self._hear_inertial,
+            "px4_msgs/VehicleControlMode": self._hear_mode,
+            "px4_msgs/VehicleLandDetected": self._hear_landed,
+            "px4_msgs/VehicleCommandAck": self._hear_answer,
         }
 
     @property
     def has_autopilot(self) -> bool:
         """True once PX4 has sent its mode and subscribes to the set points."""
-        return self.modes is not None and all(
+        return bool(self.title) and all(
             self._node.subscribers(self._space + topic) for topic in IN
         )
 
@@ -131,15 +111,15 @@ class DdsLink(Estimates):
         arrived.
         """
         self._node.wait(seconds)
-        for topic, reader in self._readers.items():
+        for topic, kind in OUT.items():
             for data in self._node.take(self._space + topic):
                 try:
-                    message = decode(OUT[topic], DEFINITIONS, data)
+                    message = decode(kind, DEFINITIONS, data)
                 except MessageError:
                     # a message of another definition is no reason to end a flight
                     self.lost += 1
                     continue
-                reader(message)
+                self._readers[kind](message)
 
     def beat(self) -> None:
         """Send no heartbeat, since each set point shows PX4 that this program is
@@ -222,11 +202,10 @@ class DdsLink(Estimates):
         )
 
     def _hear_mode(self, m: Content) -> None:
-        self.modes = self.modes or ModeBits()
-        self.mode = (
-            OFFBOARD_BIT * m["flag_control_offboard_enabled"]
-            | AUTO_BIT * m["flag_control_auto_enabled"]
-        )
+        self.title = "PX4"
+        self.obeys = bool(m["flag_control_offboard_enabled"])
+        # the flag of autonomous flight alone: any mode that flies by itself counts
+        self.holds = bool(m["flag_control_auto_enabled"]) and not self.obeys
         self.armed, self.beaten = bool(m["flag_armed"]), time.monotonic()
 
     def _hear_landed(self, m: Content) -> None:

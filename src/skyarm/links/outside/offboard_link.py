@@ -24,7 +24,7 @@ from skyarm.links.outside.estimates import COMPONENT, Estimates
 from skyarm.links.outside.outside_law import SetPoint
 from skyarm.links.outside.rate_commands import RateCommand
 from skyarm.links.outside.state_frames import AutopilotState
-from skyarm.links.sockets import drain
+from skyarm.links.sockets import Address, drain, open_datagrams
 from skyarm.records.files import shown
 from skyarm.records.immutable import positional
 
@@ -100,9 +100,7 @@ def parse_link(url: str) -> tuple[str, str, int]:
     )
 
 
-def _open_socket(
-    url: str, patience: float
-) -> tuple[socket.socket, tuple[str, int] | None]:
+def _open_socket(url: str, patience: float) -> tuple[socket.socket, Address | None]:
     """Open a link's socket and return it with its peer's address; a taken port is
     retried for ``patience`` s.
 
@@ -110,23 +108,18 @@ def _open_socket(
         OffboardError: the link cannot be opened.
     """
     kind, host, port = parse_link(url)
-    made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    made.setblocking(False)
+    calls = kind == "mavlink-out"
     until = time.monotonic() + patience
     while True:
         try:
-            if kind == "mavlink-out":
-                # nobody else is heard, and a call to this machine stays in it
-                made.connect((host, port))
-                return made, made.getpeername()
-            made.bind((host, port))
-            return made, None
+            # of a call nobody else is heard, and one to this machine stays in it
+            made = open_datagrams((host, port), calls=calls)
+            return made, made.getpeername() if calls else None
         except OSError as error:
             if error.errno == errno.EADDRINUSE and time.monotonic() < until:
                 # the port may be that of a flight that is about to end
                 time.sleep(0.2)
                 continue
-            made.close()
             raise OffboardError(
                 f"--link = {shown(url)}: {error.strerror or error}"
             ) from None

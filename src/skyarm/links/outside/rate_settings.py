@@ -122,21 +122,21 @@ class ParameterReader:
             OffboardError: it does not send one of them.
         """
         link = self._link
+
+        def missing() -> list[str]:
+            return [name for name in names if name not in link.parameters]
+
         # UDP loses requests: five rounds, each only for those still missing
         for _ in range(5):
-            missing = [name for name in names if name not in link.parameters]
-            for name in missing:
+            for name in missing():
                 link.request_parameter(name)
             # 0.4 s for the answers of a round, chosen
             until = time.monotonic() + 0.4
-            while time.monotonic() < until and any(
-                name not in link.parameters for name in missing
-            ):
+            while time.monotonic() < until and missing():
                 self._wait(0.02)
-        missing = [name for name in names if name not in link.parameters]
-        if missing:
+        if unsent := missing():
             raise OffboardError(
-                f"--link: {self.modes.title} does not send its parameter {missing[0]}"
+                f"--link: {self.modes.title} does not send its parameter {unsent[0]}"
             )
         return link.parameters
 

@@ -88,14 +88,14 @@ class Ros2Node:
         self._number = _domain_of_environment() if domain is None else domain
         self._writers: dict[str, Any] = {}
         self._readers: dict[str, Any] = {}
-        self._entities: list[Any] = []
+        self._domain: Any = None
         self._arrivals: Any = None
         try:
             if os.environ.get(CONFIGURATION):
                 self._participant = self._dds.domain.DomainParticipant(self._number)
                 return
             others = _open_sockets()
-            self._entities.append(self._dds.domain.Domain(self._number, LOOPBACK_ONLY))
+            self._domain = self._dds.domain.Domain(self._number, LOOPBACK_ONLY)
             self._participant = self._dds.domain.DomainParticipant(self._number)
             _bind_to_loopback(_open_sockets() - others)
         except RosError:
@@ -190,9 +190,8 @@ class Ros2Node:
         self._writers.clear()
         self._readers.clear()
         self._participant = None
-        # in reverse: a domain must outlive what was made in it
-        while self._entities:
-            del self._entities[-1]
+        # a domain must outlive what was made in it
+        self._domain = None
 
     def _topic(self, name: str, kind: str) -> Any:
         return self._dds.topic.Topic(
@@ -291,7 +290,7 @@ def _bind_to_loopback(descriptors: Iterable[int]) -> None:
     Raises:
         RosError: the system does not allow it.
     """
-    for each in descriptors if sys.platform == "linux" else ():
+    for each in descriptors:
         try:
             shared = socket.socket(fileno=os.dup(each))
         except OSError:  # closed since it was listed

@@ -19,7 +19,6 @@ import math
 import warnings
 from collections.abc import Callable, Mapping
 from functools import partial
-from types import TracebackType
 
 import numpy as np
 
@@ -177,12 +176,7 @@ class RosLink:
         """Return the link; leaving the block closes it."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close the link."""
         self.close()
 
