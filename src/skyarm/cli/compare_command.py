@@ -71,37 +71,19 @@ true plant."""
 def compare(
     context: typer.Context,
     suite: Annotated[
-        str,
-        typer.Argument(
-            help=(
-                "paper-, envelope-, survive-, contact-, team-suite, your suite or a"
-                " scenario"
-            ),
-            autocompletion=name_completion("suite", "scenario"),
-        ),
+        str, typer.Argument(autocompletion=name_completion("suite", "scenario"))
     ] = SUITE,
     out: Annotated[
         str | None,
         out_option("folder of tables, figure and page; the same command goes on in it"),
     ] = None,
     laws: Laws = None,
-    only: Annotated[
-        str | None,
-        typer.Option(metavar="NAME,...", help="conditions, axes or tasks, with commas"),
-    ] = None,
+    only: str | None = None,
     vehicle: Annotated[
-        str,
-        typer.Option(
-            help="with an arm; of suites for any vehicle",
-            autocompletion=name_completion("vehicle"),
-        ),
+        str, typer.Option(autocompletion=name_completion("vehicle"))
     ] = PAPER,
     scenario: Annotated[
-        str,
-        typer.Option(
-            help="with team-suite: a scenario with [team]",
-            autocompletion=name_completion("scenario"),
-        ),
+        str, typer.Option(autocompletion=name_completion("scenario"))
     ] = FLOWN,
     plants: Annotated[
         int | None,
@@ -112,10 +94,8 @@ def compare(
             )
         ),
     ] = None,
-    seeds: Annotated[
-        int, typer.Option(help="noisy flights on the unperturbed plant")
-    ] = SEEDS,
-    seed: Annotated[int, typer.Option(help="seed of plants and noise")] = 0,
+    seeds: int = SEEDS,
+    seed: int = 0,
     quick: Annotated[
         bool,
         typer.Option(
@@ -127,16 +107,23 @@ def compare(
         ),
     ] = False,
     plant: Annotated[
-        str,
-        typer.Option(
-            help="rigid_body or mujoco",
-            autocompletion=word_completion(registered="plant"),
-        ),
+        str, typer.Option(autocompletion=word_completion(registered="plant"))
     ] = "rigid_body",
     flying: Flying = 0,
     on: On = None,
 ) -> None:
-    """Compare laws on a suite of trials, or on a scenario."""
+    """Compare laws on a suite of trials, or on a scenario.
+
+    Options:
+        suite: paper-, envelope-, survive-, contact-, team-suite, your suite or a
+            scenario
+        only NAME,...: conditions, axes or tasks, with commas
+        vehicle: with an arm; of suites for any vehicle
+        scenario: with team-suite: a scenario with [team]
+        seeds: noisy flights on the unperturbed plant
+        seed: seed of plants and noise
+        plant: rigid_body or mujoco
+    """
     require_within("--seeds", seeds, 1, MOST)
     require_within("--plants", PLANTS if plants is None else plants, 1, MOST)
     require_within("--seed", seed, 0)

@@ -14,7 +14,6 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from importlib import metadata
-from typing import Annotated
 
 import typer
 
@@ -90,18 +89,16 @@ class CheckResult:
 
 
 def doctor(
-    clear: Annotated[
-        bool,
-        typer.Option(
-            "--clear", help="remove all entries of the cache of machine code first"
-        ),
-    ] = False,
+    clear: bool = False,
 ) -> None:
     """Check the installation and the cache of machine code.
 
     Versions, engines, machine code, OpenGL for films, GPU, extras and the command that
     adds each; where machine code is cached and how much of it. Exit code: 0 if all that
     flights need works, 1 if not.
+
+    Options:
+        clear: remove all entries of the cache of machine code first
     """
     limit = size_limit()
     if clear:

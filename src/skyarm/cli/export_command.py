@@ -86,65 +86,44 @@ name."""
 
 def export(
     context: typer.Context,
-    what: Annotated[
-        str,
-        typer.Argument(
-            metavar="LOG|LAW|VEHICLE|SCENARIO",
-            help="a log; c: a law or scenario; else vehicle or scenario",
-        ),
-    ],
+    what: str,
     to: Annotated[
         str | None,
         typer.Option(
-            metavar="FORMAT",
-            help="mcap, npz, csv: a log; c: a law; mjcf, urdf, sdf, toml: a vehicle",
-            autocompletion=word_completion("c", registered="log_format vehicle_format"),
+            autocompletion=word_completion("c", registered="log_format vehicle_format")
         ),
     ] = None,
     file: Annotated[
         str | None,
         out_option("file to write; for a log next to it if left out", metavar="FILE"),
     ] = None,
-    vehicle: Annotated[
-        str | None,
-        typer.Option(help="with c: vehicle in the model; of a log of several: which"),
-    ] = None,
-    gravity: Annotated[
-        float | None,
-        typer.Option(help="with c, mjcf: m/s^2; left out: the scenario's, or 9.81"),
-    ] = None,
-    rate: Annotated[
-        float | None,
-        typer.Option(help="with c: control rate, Hz; left out: the scenario's, or 200"),
-    ] = None,
-    name: Annotated[
-        str | None, typer.Option(help="with c: beginning of the names in the file")
-    ] = None,
-    single: Annotated[
-        bool, typer.Option("--float32", help="with c: float in place of double")
-    ] = False,
-    timestep: Annotated[
-        float, typer.Option(help="with mjcf: time step of MuJoCo, s")
-    ] = 0.001,
-    collisions: Annotated[
-        bool,
-        typer.Option(
-            "--collisions",
-            help="with mjcf: the shapes touch the floor and other bodies",
-        ),
-    ] = False,
-    epoch: Annotated[
-        float | None,
-        typer.Option(
-            help="with mcap: Unix time of the start of the flight, s; if left out 0"
-        ),
-    ] = None,
+    vehicle: str | None = None,
+    gravity: float | None = None,
+    rate: float | None = None,
+    name: str | None = None,
+    single: Annotated[bool, typer.Option("--float32")] = False,
+    timestep: float = 0.001,
+    collisions: bool = False,
+    epoch: float | None = None,
 ) -> None:
     """Write a log, a law as C, or a vehicle as MJCF, URDF or SDF.
 
     With --to c a preset, a law, LAW_tuned, FILE.py:make, gains or a scenario (its
     controller) become one C99 file. What a format loses of a vehicle stands in the
     first lines of its file.
+
+    Options:
+        what LOG|LAW|VEHICLE|SCENARIO: a log; c: a law or scenario; else vehicle or
+            scenario
+        to FORMAT: mcap, npz, csv: a log; c: a law; mjcf, urdf, sdf, toml: a vehicle
+        vehicle: with c: vehicle in the model; of a log of several: which
+        gravity: with c, mjcf: m/s^2; left out: the scenario's, or 9.81
+        rate: with c: control rate, Hz; left out: the scenario's, or 200
+        name: with c: beginning of the names in the file
+        single: with c: float in place of double
+        timestep: with mjcf: time step of MuJoCo, s
+        collisions: with mjcf: the shapes touch the floor and other bodies
+        epoch: with mcap: Unix time of the start of the flight, s; if left out 0
     """
     # without a format of laws or vehicles it is a log, whose format may follow from its
     # file

@@ -45,13 +45,7 @@ below."""
 
 def film(
     context: typer.Context,
-    flights: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="FLIGHT...",
-            help="logs or scenarios, NAME=FLIGHT labels one; then the file, unless -o",
-        ),
-    ],
+    flights: list[str],
     out: Annotated[
         str | None,
         out_option(
@@ -60,64 +54,36 @@ def film(
         ),
     ] = None,
     laws: Laws = None,
-    label: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="TEXT", help="label of a flight; repeat for each flight, in order"
-        ),
-    ] = None,
-    layout: Annotated[
-        str,
-        typer.Option(help="side: each flight in its own panel; over: all in one panel"),
-    ] = "side",
+    label: list[str] | None = None,
+    layout: str = "side",
     camera: Annotated[
-        str,
-        typer.Option(
-            help="follow, fixed, tip, or the name of a depth camera",
-            autocompletion=word_completion(*get_args(Camera)),
-        ),
+        str, typer.Option(autocompletion=word_completion(*get_args(Camera)))
     ] = "follow",
-    inset: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="a depth camera or lidar, in a corner"),
-    ] = None,
-    size: Annotated[
-        str | None,
-        typer.Option(
-            metavar="WxH", help="pixels; 1280x720 if left out, 800x450 for .webp"
-        ),
-    ] = None,
-    fps: Annotated[
-        int | None, typer.Option(help="frames per second; 30 if left out, 15 for .webp")
-    ] = None,
-    speed: Annotated[
-        float, typer.Option(help="seconds of flight per second of film")
-    ] = 1.0,
-    window: Annotated[
-        tuple[float, float] | None,
-        typer.Option(
-            metavar="START STOP",
-            help="the times that are filmed, s; the whole flight if left out",
-        ),
-    ] = None,
-    without: Annotated[
-        str | None,
-        typer.Option(
-            metavar="PARTS",
-            help=(
-                "leave out ghost (the desired pose), plot (the tip error), or"
-                " ghost,plot"
-            ),
-        ),
-    ] = None,
-    fine: Annotated[
-        bool,
-        typer.Option(
-            "--fine", help="shadows and smooth edges; takes four times as long"
-        ),
-    ] = False,
+    inset: str | None = None,
+    size: str | None = None,
+    fps: int | None = None,
+    speed: float = 1.0,
+    window: tuple[float, float] | None = None,
+    without: str | None = None,
+    fine: bool = False,
 ) -> None:
-    """Film flights; MP4, WebP, or a 3-D recording."""
+    """Film flights; MP4, WebP, or a 3-D recording.
+
+    Options:
+        flights FLIGHT...: logs or scenarios, NAME=FLIGHT labels one; then the file,
+            unless -o
+        label TEXT: label of a flight; repeat for each flight, in order
+        layout: side: each flight in its own panel; over: all in one panel
+        camera: follow, fixed, tip, or the name of a depth camera
+        inset NAME: a depth camera or lidar, in a corner
+        size WxH: pixels; 1280x720 if left out, 800x450 for .webp
+        fps: frames per second; 30 if left out, 15 for .webp
+        speed: seconds of flight per second of film
+        window START STOP: the times that are filmed, s; the whole flight if left out
+        without PARTS: leave out ghost (the desired pose), plot (the tip error), or
+            ghost,plot
+        fine: shadows and smooth edges; takes four times as long
+    """
     # the last word is the film's file unless --out names it
     *flights, file = [*flights, *([] if out is None else [out])]
     if not flights:

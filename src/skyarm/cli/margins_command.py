@@ -47,30 +47,22 @@ Safety = Annotated[
 def margins(
     scenario: Scenario,
     laws: Law = None,
-    instants: Annotated[
-        int,
-        typer.Option(
-            help=(
-                "number of instants along the flight at which margins are computed,"
-                " next to hover"
-            )
-        ),
-    ] = 4,
+    instants: int = 4,
     safety: Safety = False,
     file: Annotated[
         str | None, out_option("JSON file for eigenvalues and margins", metavar="FILE")
     ] = None,
-    page: Annotated[
-        str | None,
-        typer.Option(
-            "--html", metavar="PAGE", help="page with Nyquist diagrams (.html)"
-        ),
-    ] = None,
+    page: Annotated[str | None, typer.Option("--html")] = None,
 ) -> None:
     """Linearise the closed loop: eigenvalues, margins.
 
     In hover and along the scenario: delay and gain of the actuators, disk margins of
     every loop, alone and together. Exit code 3 if the flight ended before its time.
+
+    Options:
+        instants: number of instants along the flight at which margins are computed,
+            next to hover
+        page PAGE: page with Nyquist diagrams (.html)
     """
     from skyarm.studies.stability.flight_margins import evidence, hover_loci
     from skyarm.studies.stability.frozen_scenario import without_adaptation

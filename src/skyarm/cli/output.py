@@ -12,6 +12,7 @@ import inspect
 import io
 import json
 import math
+import re
 import sys
 import threading
 import time
@@ -21,7 +22,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field, fields, is_dataclass
 from numbers import Integral
 from pathlib import Path, PurePath
-from typing import Any
+from typing import Annotated, Any, get_args, get_origin
 
 import typer
 from rich.console import Console, ConsoleOptions, Group, RenderableType
@@ -234,10 +235,25 @@ Command = Callable[..., float | None]
 None."""
 
 
+ROW = re.compile(r"^ {4}(\w+)(?: ([^:\n]+))?: (.+?)(?=\n {4}\w|\Z)", re.M | re.S)
+"""Row of a command's docstring below ``Options:``: parameter, metavar if it has one,
+and help."""
+
+
 def with_output_options(name: str, function: Command) -> Command:
-    """Decorator that adds the common output options to a command."""
+    """Decorator that adds the common output options to a command, and the help of its
+    own from its docstring.
+    """
     signature = inspect.signature(function, eval_str=True)
-    own = list(signature.parameters.values())
+    words, _, rows = (inspect.getdoc(function) or "").partition("\n\nOptions:\n")
+    helps = {each: (metavar, help) for each, metavar, help in ROW.findall(rows)}
+    own = [
+        _with_help(each, *helps[each.name])
+        # a plugin's option may be its default, with a help of its own
+        if each.name in helps and not hasattr(each.default, "help")
+        else each
+        for each in signature.parameters.values()
+    ]
     added = [
         inspect.Parameter(
             parameter, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=option
@@ -259,7 +275,29 @@ def with_output_options(name: str, function: Command) -> Command:
 
     perform.__dict__["__signature__"] = signature.replace(parameters=[*own, *added])
     perform.__annotations__ = {each.name: each.annotation for each in (*own, *added)}
+    perform.__doc__ = words
     return perform
+
+
+def _with_help(
+    parameter: inspect.Parameter, metavar: str, words: str
+) -> inspect.Parameter:
+    """Parameter of a command with its help, as Typer reads it."""
+    kind, *stated = (
+        get_args(parameter.annotation)
+        if get_origin(parameter.annotation) is Annotated
+        else (parameter.annotation,)
+    )
+    if stated:
+        (option,) = stated
+    elif parameter.default is parameter.empty:
+        option = typer.Argument()
+    else:
+        # of a flag without a name Typer makes two options, --NAME and --no-NAME
+        flag = f"--{parameter.name.replace('_', '-')}"
+        option = typer.Option(flag) if kind is bool else typer.Option()
+    option.metavar, option.help = metavar or None, " ".join(words.split())
+    return parameter.replace(annotation=Annotated[kind, option])
 
 
 @contextmanager

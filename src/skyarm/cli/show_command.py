@@ -47,48 +47,16 @@ suite have none."""
 def show(
     context: typer.Context,
     shown: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="VEHICLE|FLIGHT|words",
-            help=(
-                "file or name of a vehicle, or a log; words: keys of a scenario file;"
-                " left out: what ships"
-            ),
-            autocompletion=name_completion("vehicle"),
-        ),
+        str | None, typer.Argument(autocompletion=name_completion("vehicle"))
     ] = None,
-    gravity: Annotated[
-        float, typer.Option(help="m/s^2, for hover and static efforts")
-    ] = 9.81,
+    gravity: float = 9.81,
     drawing: Annotated[
         str | None,
         out_option("drawing (.png, .svg, .pdf) in place of numbers", metavar="FILE"),
     ] = None,
-    vehicle: Annotated[
-        str | None,
-        typer.Option(
-            help=(
-                "with a flight: a vehicle; tells which of its numbers the flight"
-                " excites"
-            )
-        ),
-    ] = None,
-    columns: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE", help="with a flight: file that says what its columns mean"
-        ),
-    ] = None,
-    compare: Annotated[
-        bool,
-        typer.Option(
-            "--compare",
-            help=(
-                "of a .urdf or .xml file: what MuJoCo reads in it, beside what is read"
-                " here"
-            ),
-        ),
-    ] = False,
+    vehicle: str | None = None,
+    columns: str | None = None,
+    compare: bool = False,
 ) -> None:
     """List what ships, or show a vehicle or a flight.
 
@@ -100,6 +68,15 @@ def show(
     Of a measured flight: channels, rates, gaps and clock; with --vehicle its faults,
     and of each number of the vehicle whether the flight excites it. words: the grammar
     of a scenario file.
+
+    Options:
+        shown VEHICLE|FLIGHT|words: file or name of a vehicle, or a log; words: keys of
+            a scenario file; left out: what ships
+        gravity: m/s^2, for hover and static efforts
+        vehicle: with a flight: a vehicle; tells which of its numbers the flight excites
+        columns FILE: with a flight: file that says what its columns mean
+        compare: of a .urdf or .xml file: what MuJoCo reads in it, beside what is read
+            here
     """
     if shown is None:
         require_left_out(

@@ -48,67 +48,36 @@ OF_SIMULATION, OF_REPLAY = ("--laws", "--out"), ("--horizon", "--delay", "--colu
 def studio(
     context: typer.Context,
     scenario: Annotated[
-        str,
-        typer.Argument(
-            help="a scenario file or a shipped name; with --vehicle a measured flight",
-            autocompletion=name_completion("scenario"),
-        ),
+        str, typer.Argument(autocompletion=name_completion("scenario"))
     ] = "case2",
     laws: Laws = None,
-    port: Annotated[
-        int, typer.Option(help="port of the page; 0 takes a free one")
-    ] = 8080,
-    host: Annotated[
-        str,
-        typer.Option(
-            metavar="ADDRESS", help="address of this machine for other devices"
-        ),
-    ] = LOOPBACK[0],
-    no_browser: Annotated[
-        bool, typer.Option("--no-browser", help="print the address and open no browser")
-    ] = False,
+    port: int = 8080,
+    host: str = LOOPBACK[0],
+    no_browser: bool = False,
     out: Annotated[str, out_option("folder of saved flights")] = "out/studio",
     vehicle: Annotated[
-        str | None,
-        typer.Option(
-            help=(
-                "replay a measured flight next to this model under the recorded"
-                " commands"
-            ),
-            autocompletion=name_completion("vehicle"),
-        ),
+        str | None, typer.Option(autocompletion=name_completion("vehicle"))
     ] = None,
-    horizon: Annotated[
-        float,
-        typer.Option(
-            help="with --vehicle: time between resets to the measured state, s"
-        ),
-    ] = 1.0,
-    delay: Annotated[
-        float | None,
-        typer.Option(
-            help=(
-                "with --vehicle: delay of the commands, s; the identified one if"
-                " left out"
-            )
-        ),
-    ] = None,
-    columns: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE",
-            help=(
-                "with --vehicle: meaning of its columns; if left out columns.toml next"
-                " to it"
-            ),
-        ),
-    ] = None,
+    horizon: float = 1.0,
+    delay: float | None = None,
+    columns: str | None = None,
 ) -> None:
     """Fly live on a page: sliders, gusts, laws side by side.
 
     The printed address contains a token. A saved flight is a log for 'skyarm run'. With
     --vehicle a measured flight is a ghost next to the flight of the model under the
     same commands.
+
+    Options:
+        scenario: a scenario file or a shipped name; with --vehicle a measured flight
+        port: port of the page; 0 takes a free one
+        host ADDRESS: address of this machine for other devices
+        no_browser: print the address and open no browser
+        vehicle: replay a measured flight next to this model under the recorded commands
+        horizon: with --vehicle: time between resets to the measured state, s
+        delay: with --vehicle: delay of the commands, s; the identified one if left out
+        columns FILE: with --vehicle: meaning of its columns; if left out columns.toml
+            next to it
     """
     if not 0 <= port <= 65535:
         raise StudioError(f"--port = {port}: must be from 0 to 65535")

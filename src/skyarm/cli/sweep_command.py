@@ -47,14 +47,7 @@ DPI = 160
 
 def sweep(
     context: typer.Context,
-    study: Annotated[
-        str,
-        typer.Argument(
-            metavar="STUDY|FOLDER",
-            help="a study (.toml or a shipped name), or the folder of a sweep",
-            autocompletion=name_completion("study"),
-        ),
-    ],
+    study: Annotated[str, typer.Argument(autocompletion=name_completion("study"))],
     laws: Laws = None,
     out: Annotated[
         str | None,
@@ -64,37 +57,10 @@ def sweep(
     ] = None,
     flying: Flying = 0,
     on: On = None,
-    part: Annotated[
-        str | None,
-        typer.Option(
-            metavar="K/N",
-            help="fly the K-th of N parts, each on a machine with the same folder",
-        ),
-    ] = None,
-    save: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="EPISODE",
-            help=(
-                "with a study: save as a scenario: a number, failed or a metric; repeat"
-            ),
-        ),
-    ] = None,
-    success: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="METRIC=LARGEST",
-            help="with a folder: largest value of a metric in a success; repeat",
-        ),
-    ] = None,
-    paths: Annotated[
-        tuple[str, str] | None,
-        typer.Option(
-            "--map",
-            metavar="X Y",
-            help="with a folder: two varied numbers, the horizontal and vertical axis",
-        ),
-    ] = None,
+    part: str | None = None,
+    save: list[str] | None = None,
+    success: list[str] | None = None,
+    paths: Annotated[tuple[str, str] | None, typer.Option("--map")] = None,
 ) -> None:
     """Fly a study's episodes, or sum up the folder of a sweep.
 
@@ -103,6 +69,15 @@ def sweep(
     stats.json. With --save nothing is flown: an episode's number, or of the rows the
     first without success or with the largest value of a metric, becomes a file for
     'skyarm run'.
+
+    Options:
+        study STUDY|FOLDER: a study (.toml or a shipped name), or the folder of a sweep
+        part K/N: fly the K-th of N parts, each on a machine with the same folder
+        save EPISODE: with a study: save as a scenario: a number, failed or a metric;
+            repeat
+        success METRIC=LARGEST: with a folder: largest value of a metric in a success;
+            repeat
+        paths X Y: with a folder: two varied numbers, the horizontal and vertical axis
     """
     if study not in shipped_names("study") and Path(study).is_dir() and study:
         # a shipped study goes before a folder of its name

@@ -51,40 +51,15 @@ GAINS, PAGE, BEST = "tuned.toml", "tune.html", "best.toml"
 
 
 def tune(
-    target: Annotated[
-        str,
-        typer.Argument(
-            metavar="SCENARIO|VEHICLE",
-            help="a file (.toml) or the name of a shipped one",
-        ),
-    ],
+    target: str,
     laws: Law = None,
     out: Annotated[
         str | None, out_option("folder of the results; out/tune_... if left out")
     ] = None,
-    candidates: Annotated[
-        int | None,
-        typer.Option(
-            help=(
-                "sets of gains that are tried, in whole rounds, 132 or more; left out:"
-                " 1640, of a team 234"
-            )
-        ),
-    ] = None,
-    plants: Annotated[
-        int | None,
-        typer.Option(
-            help="perturbed plants that each candidate flies; left out: 24, of a team 8"
-        ),
-    ] = None,
-    knobs: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="PATH",
-            help="gain or option of the law that may change; repeat; all if left out",
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="seed of plants, noise and search")] = 0,
+    candidates: int | None = None,
+    plants: int | None = None,
+    knobs: list[str] | None = None,
+    seed: int = 0,
     flying: Flying = 0,
     on: On = None,
 ) -> None:
@@ -92,6 +67,14 @@ def tune(
 
     best.toml is the scenario under the picked law. The same command continues what was
     interrupted. Exit code 3 if no gains meet the margins.
+
+    Options:
+        target SCENARIO|VEHICLE: a file (.toml) or the name of a shipped one
+        candidates: sets of gains that are tried, in whole rounds, 132 or more; left
+            out: 1640, of a team 234
+        plants: perturbed plants that each candidate flies; left out: 24, of a team 8
+        knobs PATH: gain or option of the law that may change; repeat; all if left out
+        seed: seed of plants, noise and search
     """
     from skyarm.studies.tune.tuning import (
         effort_of,
