@@ -306,40 +306,6 @@ SHARED = frozenset(
 )
 """Quantities of the world, which are the same for all vehicles of a flight."""
 
-COUNTED: Mapping[str, tuple[str, str, str, str]] = {
-    "contact_last": ("last", "contact", "contact force at the end of the flight", "N"),
-    "contact_largest": ("largest", "contact", "largest contact force", "N"),
-    "collision_force": (
-        "largest",
-        "collision",
-        "largest normal force of two bodies",
-        "N",
-    ),
-    **{
-        f"object_last_{a}": (
-            "last",
-            f"object_{a}",
-            f"{a} of the first object at the end",
-            "m",
-        )
-        for a in "xyz"
-    },
-    "mechanism_last": (
-        "last",
-        "mechanism",
-        "position of the first mechanism at the end, rad or m",
-        "",
-    ),
-    "mechanism_furthest": (
-        "largest",
-        "mechanism",
-        "largest position of the first mechanism, rad or m",
-        "",
-    ),
-    "tip_lowest": ("lowest", "tip_height", "lowest height of the tip", "m"),
-}
-"""Metric -> its form, quantity, description and unit."""
-
 
 def _share(total: Scalar, count: Scalar) -> AnyArray:
     """Divide a sum by a count; NaN for a count of zero."""
