@@ -240,26 +240,39 @@ ROW = re.compile(r"^ {4}(\w+)(?: ([^:\n]+))?: (.+?)(?=\n {4}\w|\Z)", re.M | re.S
 and help."""
 
 
-def with_output_options(name: str, function: Command) -> Command:
-    """Decorator that adds the common output options to a command, and the help of its
-    own from its docstring.
+def _words_and_rows(command: Command) -> tuple[str, str]:
+    """Docstring of a command, and the rows below ``Options:`` in it."""
+    words, _, rows = (inspect.getdoc(command) or "").partition("\n\nOptions:\n")
+    return words, rows
+
+
+def parameters_of(command: Command) -> list[inspect.Parameter]:
+    """Parameters of a command, with the help that rows of its docstring below
+    ``Options:`` give them.
     """
-    signature = inspect.signature(function, eval_str=True)
-    words, _, rows = (inspect.getdoc(function) or "").partition("\n\nOptions:\n")
-    helps = {each: (metavar, help) for each, metavar, help in ROW.findall(rows)}
-    own = [
+    rows = ROW.findall(_words_and_rows(command)[1])
+    helps = {name: (metavar, help) for name, metavar, help in rows}
+    return [
         _with_help(each, *helps[each.name])
         # a plugin's option may be its default, with a help of its own
         if each.name in helps and not hasattr(each.default, "help")
         else each
-        for each in signature.parameters.values()
+        for each in inspect.signature(command, eval_str=True).parameters.values()
     ]
+
+
+def with_output_options(name: str, function: Command) -> Command:
+    """Decorator that adds the common output options to a command, and the help of its
+    own from its docstring.
+    """
+    own = parameters_of(function)
+    taken = {each.name for each in own}
     added = [
         inspect.Parameter(
             parameter, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=option
         )
         for parameter, option in EVERY.items()
-        if parameter not in signature.parameters
+        if parameter not in taken
     ]
 
     @functools.wraps(function)
@@ -273,9 +286,9 @@ def with_output_options(name: str, function: Command) -> Command:
             fine = isinstance(code, Integral | float | None) and (code or 0) % 1 == 0
             return require_result(function, code, fine, "an exit code, or None")
 
-    perform.__dict__["__signature__"] = signature.replace(parameters=[*own, *added])
+    perform.__dict__["__signature__"] = inspect.Signature([*own, *added])
     perform.__annotations__ = {each.name: each.annotation for each in (*own, *added)}
-    perform.__doc__ = words
+    perform.__doc__ = _words_and_rows(function)[0]
     return perform
 
 
