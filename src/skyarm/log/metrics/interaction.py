@@ -126,11 +126,8 @@ class PushTotals(Metric):
 
 def _tangential_error(now: MetricInstant, normal: Scalars) -> Scalar:
     """Distance of the tip from its reference parallel to the nominal surface, m."""
-    away = now.tool - now.held.tool
-    along = away.x * normal[0] + away.y * normal[1] + away.z * normal[2]
-    return type(away)(
-        *(a - along * n for a, n in zip(away, normal, strict=True))
-    ).norm()
+    away, across = now.tool - now.held.tool, Vec3(*normal)
+    return (away - across * away.dot(across)).norm()
 
 
 @immutable
