@@ -98,14 +98,14 @@ def word_completion(*words: str, registered: str = "") -> Callable[[str], list[s
     return complete
 
 
-def out_option(words: str, metavar: str = "FOLDER") -> Any:
-    """Make the option for the output path, of type text since as a Path an empty name
-    would mean the present folder.
-    """
-    return typer.Option("--out", "-o", metavar=metavar, help=words)
+# as text, since as a Path an empty name would mean the present folder
+_OUT = typer.Option(
+    "--out", "-o", metavar="FOLDER", help="folder for the results, made if missing"
+)
 
+Out = Annotated[str, _OUT]
 
-Out = Annotated[str, out_option("folder for the results, made if missing")]
+OptionalOut = Annotated[str | None, _OUT]
 
 Force = Annotated[
     bool,

@@ -18,9 +18,7 @@ from skyarm.studies.assess.check_sheet import sheet
 
 def check(
     context: typer.Context,
-    what: Annotated[
-        str, typer.Argument(autocompletion=name_completion("vehicle", "scenario"))
-    ],
+    what: Annotated[str, name_completion("vehicle", "scenario")],
     payload: float = 0.0,
     poses: Annotated[int, typer.Option("--arm-poses")] = 1024,
     gravity: float | None = None,

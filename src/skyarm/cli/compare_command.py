@@ -11,12 +11,12 @@ from skyarm.cli.arguments import (
     Flying,
     Laws,
     On,
+    OptionalOut,
     chosen_names,
     is_given,
     law_names,
     name_completion,
     names_of,
-    out_option,
     require_left_out,
     require_within,
     shipped_names,
@@ -73,18 +73,11 @@ def compare(
     suite: Annotated[
         str, typer.Argument(autocompletion=name_completion("suite", "scenario"))
     ] = SUITE,
-    out: Annotated[
-        str | None,
-        out_option("folder of tables, figure and page; the same command goes on in it"),
-    ] = None,
+    out: OptionalOut = None,
     laws: Laws = None,
     only: str | None = None,
-    vehicle: Annotated[
-        str, typer.Option(autocompletion=name_completion("vehicle"))
-    ] = PAPER,
-    scenario: Annotated[
-        str, typer.Option(autocompletion=name_completion("scenario"))
-    ] = FLOWN,
+    vehicle: Annotated[str, name_completion("vehicle")] = PAPER,
+    scenario: Annotated[str, name_completion("scenario")] = FLOWN,
     plants: Annotated[
         int | None,
         typer.Option(
@@ -106,9 +99,7 @@ def compare(
             ),
         ),
     ] = False,
-    plant: Annotated[
-        str, typer.Option(autocompletion=word_completion(registered="plant"))
-    ] = "rigid_body",
+    plant: Annotated[str, word_completion(registered="plant")] = "rigid_body",
     flying: Flying = 0,
     on: On = None,
 ) -> None:
@@ -117,6 +108,7 @@ def compare(
     Options:
         suite: paper-, envelope-, survive-, contact-, team-suite, your suite or a
             scenario
+        out FOLDER: folder of tables, figure and page; the same command goes on in it
         only NAME,...: conditions, axes or tasks, with commas
         vehicle: with an arm; of suites for any vehicle
         scenario: with team-suite: a scenario with [team]

@@ -16,7 +16,7 @@ import typer
 from skyarm import __version__
 from skyarm.algebra import Mat3
 from skyarm.cli.arguments import (
-    out_option,
+    OptionalOut,
     require_left_out,
     shipped_names,
     word_completion,
@@ -89,14 +89,9 @@ def export(
     what: str,
     to: Annotated[
         str | None,
-        typer.Option(
-            autocompletion=word_completion("c", registered="log_format vehicle_format")
-        ),
+        word_completion("c", registered="log_format vehicle_format"),
     ] = None,
-    file: Annotated[
-        str | None,
-        out_option("file to write; for a log next to it if left out", metavar="FILE"),
-    ] = None,
+    file: OptionalOut = None,
     vehicle: str | None = None,
     gravity: float | None = None,
     rate: float | None = None,
@@ -116,6 +111,7 @@ def export(
         what LOG|LAW|VEHICLE|SCENARIO: a log; c: a law or scenario; else vehicle or
             scenario
         to FORMAT: mcap, npz, csv: a log; c: a law; mjcf, urdf, sdf, toml: a vehicle
+        file FILE: file to write; for a log next to it if left out
         vehicle: with c: vehicle in the model; of a log of several: which
         gravity: with c, mjcf: m/s^2; left out: the scenario's, or 9.81
         rate: with c: control rate, Hz; left out: the scenario's, or 200

@@ -10,11 +10,11 @@ import typer
 
 from skyarm.cli.arguments import (
     Laws,
+    OptionalOut,
     chosen_names,
     distinct_labels,
     label_of,
     law_names,
-    out_option,
     require_distinct,
     require_left_out,
     word_completion,
@@ -46,19 +46,11 @@ below."""
 def film(
     context: typer.Context,
     flights: list[str],
-    out: Annotated[
-        str | None,
-        out_option(
-            "the film's file: .mp4 or .webp; .viser or .html for a 3-D recording",
-            metavar="FILE",
-        ),
-    ] = None,
+    out: OptionalOut = None,
     laws: Laws = None,
     label: list[str] | None = None,
     layout: str = "side",
-    camera: Annotated[
-        str, typer.Option(autocompletion=word_completion(*get_args(Camera)))
-    ] = "follow",
+    camera: Annotated[str, word_completion(*get_args(Camera))] = "follow",
     inset: str | None = None,
     size: str | None = None,
     fps: int | None = None,
@@ -72,6 +64,7 @@ def film(
     Options:
         flights FLIGHT...: logs or scenarios, NAME=FLIGHT labels one; then the file,
             unless -o
+        out FILE: the film's file: .mp4 or .webp; .viser or .html for a 3-D recording
         label TEXT: label of a flight; repeat for each flight, in order
         layout: side: each flight in its own panel; over: all in one panel
         camera: follow, fixed, tip, or the name of a depth camera

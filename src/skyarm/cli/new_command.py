@@ -60,13 +60,11 @@ FIRST = {
 
 def new(
     context: typer.Context,
-    kind: Annotated[str, typer.Argument(autocompletion=word_completion(*KINDS))],
+    kind: Annotated[str, word_completion(*KINDS)],
     name: str,
     source: Annotated[str, typer.Option("--from")] = "",
     tip: str = "",
-    collisions: Annotated[
-        str, typer.Option(autocompletion=word_completion(*IMPORTS))
-    ] = "none",
+    collisions: Annotated[str, word_completion(*IMPORTS)] = "none",
     rotors: int = 0,
     arm_length: float = 0.25,
     mass: float = 1.5,

@@ -19,6 +19,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from contextvars import ContextVar
+from copy import copy
 from dataclasses import dataclass, field, fields, is_dataclass
 from numbers import Integral
 from pathlib import Path, PurePath
@@ -295,21 +296,28 @@ def with_output_options(name: str, function: Command) -> Command:
 def _with_help(
     parameter: inspect.Parameter, metavar: str, words: str
 ) -> inspect.Parameter:
-    """Parameter of a command with its help, as Typer reads it."""
+    """Parameter of a command with its help, as Typer reads it.
+
+    Its annotation may state its option, or the function that completes it in a shell.
+    """
     kind, *stated = (
         get_args(parameter.annotation)
         if get_origin(parameter.annotation) is Annotated
         else (parameter.annotation,)
     )
-    if stated:
-        (option,) = stated
+    complete = next(filter(callable, stated), None)
+    if stated and not complete:
+        # a copy, since several commands may share an option, each with its words
+        option = copy(stated[0])
     elif parameter.default is parameter.empty:
-        option = typer.Argument()
+        option = typer.Argument(autocompletion=complete)
     else:
         # of a flag without a name Typer makes two options, --NAME and --no-NAME
-        flag = f"--{parameter.name.replace('_', '-')}"
-        option = typer.Option(flag) if kind is bool else typer.Option()
-    option.metavar, option.help = metavar or None, " ".join(words.split())
+        name = parameter.name.replace("_", "-")
+        names = [f"--{name}"] if kind is bool else []
+        option = typer.Option(*names, autocompletion=complete)
+    option.metavar = metavar or option.metavar
+    option.help = " ".join(words.split())
     return parameter.replace(annotation=Annotated[kind, option])
 
 

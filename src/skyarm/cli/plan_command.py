@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.arguments import Force, name_completion, out_option, require_not_another
+from skyarm.cli.arguments import Force, Out, name_completion, require_not_another
 from skyarm.cli.lines import DIFFERENT, NOT_COMPLETED
 from skyarm.cli.output import bar, give, plain, say_cause, tell
 from skyarm.records.files import output_file, taken_back, write_atomically
@@ -17,12 +17,10 @@ from skyarm.records.files.toml import Entry
 
 
 def plan(
-    task: Annotated[str, typer.Argument(autocompletion=name_completion("task"))],
-    out: Annotated[
-        str, out_option("file of the plan (.npz)", metavar="FILE")
-    ] = "plan.npz",
-    scenario: Annotated[str | None, typer.Option("--scenario")] = None,
-    report: Annotated[str | None, typer.Option("--report")] = None,
+    task: Annotated[str, name_completion("task")],
+    out: Out = "plan.npz",
+    scenario: str | None = None,
+    report: str | None = None,
     seconds: float = 600.0,
     force: Force = False,
 ) -> None:
@@ -34,6 +32,7 @@ def plan(
 
     Options:
         task: a task's file (.toml) or a shipped task
+        out FILE: file of the plan (.npz)
         scenario FILE: scenario that flies the plan (.toml)
         report PAGE: page with the motion and its limits (.html)
         seconds: longest search, s; after it there is no plan

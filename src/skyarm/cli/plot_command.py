@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from skyarm.cli.arguments import (
+    Out,
     distinct_labels,
     label_of,
-    out_option,
     word_completion,
 )
 from skyarm.cli.output import give, tell
@@ -27,12 +25,10 @@ from skyarm.view.figures.flight_plot import plot as draw
 
 def plot(
     flights: list[str],
-    file: Annotated[
-        str, out_option("the picture to write: .png, .svg or .pdf", metavar="FILE")
-    ],
+    file: Out,
     kind: Annotated[
         str | None,
-        typer.Option(autocompletion=word_completion(*KINDS, ALL, PATH, DEPTH)),
+        word_completion(*KINDS, ALL, PATH, DEPTH),
     ] = None,
     window: tuple[float, float] | None = None,
     metric: list[str] | None = None,
@@ -45,6 +41,7 @@ def plot(
 
     Options:
         flights FLIGHT...: logs, with a label as NAME=FILE; or the folder of one sweep
+        file FILE: the picture to write: .png, .svg or .pdf
         kind: with flights: tracking, attitude, tip, contact, efforts, rotors, parts,
             team, path, depth or all; all if left out
         window START STOP: with flights: the times that are drawn, s; the whole flight

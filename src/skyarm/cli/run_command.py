@@ -55,13 +55,9 @@ def run(
     context: typer.Context,
     scenario: ScenarioOrLog,
     out: Out = "out/run",
-    plant: Annotated[
-        str | None, typer.Option(autocompletion=word_completion(registered="plant"))
-    ] = None,
+    plant: Annotated[str | None, word_completion(registered="plant")] = None,
     laws: Laws = None,
-    autopilot: Annotated[
-        str | None, typer.Option(autocompletion=name_completion("autopilot"))
-    ] = None,
+    autopilot: Annotated[str | None, name_completion("autopilot")] = None,
     seed: int | None = None,
     duration: Duration = None,
     force: bool = False,

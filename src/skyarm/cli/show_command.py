@@ -11,8 +11,8 @@ from typing import Annotated
 import typer
 
 from skyarm.cli.arguments import (
+    OptionalOut,
     name_completion,
-    out_option,
     require_left_out,
     require_not_another,
     shipped_names,
@@ -50,10 +50,7 @@ def show(
         str | None, typer.Argument(autocompletion=name_completion("vehicle"))
     ] = None,
     gravity: float = 9.81,
-    drawing: Annotated[
-        str | None,
-        out_option("drawing (.png, .svg, .pdf) in place of numbers", metavar="FILE"),
-    ] = None,
+    drawing: OptionalOut = None,
     vehicle: str | None = None,
     columns: str | None = None,
     compare: bool = False,
@@ -73,6 +70,7 @@ def show(
         shown VEHICLE|FLIGHT|words: file or name of a vehicle, or a log; words: keys of
             a scenario file; left out: what ships
         gravity: m/s^2, for hover and static efforts
+        drawing FILE: drawing (.png, .svg, .pdf) in place of numbers
         vehicle: with a flight: a vehicle; tells which of its numbers the flight excites
         columns FILE: with a flight: file that says what its columns mean
         compare: of a .urdf or .xml file: what MuJoCo reads in it, beside what is read

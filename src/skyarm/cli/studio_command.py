@@ -18,9 +18,10 @@ import typer
 
 from skyarm.cli.arguments import (
     Laws,
+    Out,
+    Scenario,
     law_names,
     name_completion,
-    out_option,
     require_left_out,
 )
 from skyarm.cli.output import tell
@@ -47,17 +48,13 @@ OF_SIMULATION, OF_REPLAY = ("--laws", "--out"), ("--horizon", "--delay", "--colu
 
 def studio(
     context: typer.Context,
-    scenario: Annotated[
-        str, typer.Argument(autocompletion=name_completion("scenario"))
-    ] = "case2",
+    scenario: Scenario = "case2",
     laws: Laws = None,
     port: int = 8080,
     host: str = LOOPBACK[0],
     no_browser: bool = False,
-    out: Annotated[str, out_option("folder of saved flights")] = "out/studio",
-    vehicle: Annotated[
-        str | None, typer.Option(autocompletion=name_completion("vehicle"))
-    ] = None,
+    out: Out = "out/studio",
+    vehicle: Annotated[str | None, name_completion("vehicle")] = None,
     horizon: float = 1.0,
     delay: float | None = None,
     columns: str | None = None,
@@ -73,6 +70,7 @@ def studio(
         port: port of the page; 0 takes a free one
         host ADDRESS: address of this machine for other devices
         no_browser: print the address and open no browser
+        out FOLDER: folder of saved flights
         vehicle: replay a measured flight next to this model under the recorded commands
         horizon: with --vehicle: time between resets to the measured state, s
         delay: with --vehicle: delay of the commands, s; the identified one if left out

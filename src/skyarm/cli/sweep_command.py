@@ -15,9 +15,9 @@ from skyarm.cli.arguments import (
     Flying,
     Laws,
     On,
+    OptionalOut,
     law_names,
     name_completion,
-    out_option,
     require_left_out,
     require_not_another,
     shipped_names,
@@ -47,14 +47,9 @@ DPI = 160
 
 def sweep(
     context: typer.Context,
-    study: Annotated[str, typer.Argument(autocompletion=name_completion("study"))],
+    study: Annotated[str, name_completion("study")],
     laws: Laws = None,
-    out: Annotated[
-        str | None,
-        out_option(
-            "folder of results; if left out: out/NAME, with a folder FOLDER/stats"
-        ),
-    ] = None,
+    out: OptionalOut = None,
     flying: Flying = 0,
     on: On = None,
     part: str | None = None,
@@ -72,6 +67,7 @@ def sweep(
 
     Options:
         study STUDY|FOLDER: a study (.toml or a shipped name), or the folder of a sweep
+        out FOLDER: folder of results; if left out: out/NAME, with a folder FOLDER/stats
         part K/N: fly the K-th of N parts, each on a machine with the same folder
         save EPISODE: with a study: save as a scenario: a number, failed or a metric;
             repeat

@@ -8,7 +8,7 @@ import os
 import shlex
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -16,9 +16,9 @@ from skyarm.cli.arguments import (
     Flying,
     Law,
     On,
+    OptionalOut,
     names_of,
     one_law,
-    out_option,
     shipped_names,
     workers,
 )
@@ -53,9 +53,7 @@ GAINS, PAGE, BEST = "tuned.toml", "tune.html", "best.toml"
 def tune(
     target: str,
     laws: Law = None,
-    out: Annotated[
-        str | None, out_option("folder of the results; out/tune_... if left out")
-    ] = None,
+    out: OptionalOut = None,
     candidates: int | None = None,
     plants: int | None = None,
     knobs: list[str] | None = None,
@@ -70,6 +68,7 @@ def tune(
 
     Options:
         target SCENARIO|VEHICLE: a file (.toml) or the name of a shipped one
+        out FOLDER: folder of the results; out/tune_... if left out
         candidates: sets of gains that are tried, in whole rounds, 132 or more; left
             out: 1640, of a team 234
         plants: perturbed plants that each candidate flies; left out: 24, of a team 8

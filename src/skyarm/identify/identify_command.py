@@ -18,7 +18,7 @@ from typing import Annotated, Any
 
 import typer
 
-from skyarm.cli.arguments import Force, name_completion, out_option, require_left_out
+from skyarm.cli.arguments import Force, name_completion, require_left_out
 from skyarm.cli.lines import NOT_COMPLETED, say
 from skyarm.cli.output import (
     bar,
@@ -95,9 +95,11 @@ Gravity = Annotated[
 
 Out = Annotated[
     str | None,
-    out_option(
-        "folder for vehicle file and numbers; with lags or design a .toml file",
+    typer.Option(
+        "--out",
+        "-o",
         metavar="PATH",
+        help="folder for vehicle file and numbers; with lags or design a .toml file",
     ),
 ]
 
