@@ -17,7 +17,6 @@ from skyarm.studies.assess.check_sheet import sheet
 
 
 def check(
-    context: typer.Context,
     what: Annotated[str, name_completion("vehicle", "scenario")],
     payload: float = 0.0,
     poses: Annotated[int, typer.Option("--arm-poses")] = 1024,
@@ -39,7 +38,7 @@ def check(
             survive
     """
     if kind_of_file(what) == "suite":
-        return _check_suite(context, what)
+        return _check_suite(what)
     with bar(f"{what}: checking"):
         assessment = assess(
             what, payload=payload, poses=poses, gravity=gravity, flights=flights
@@ -52,14 +51,14 @@ def check(
         tell(f"next: skyarm new vehicle NAME --from {shlex.quote(what)}")
 
 
-def _check_suite(context: typer.Context, file: str) -> None:
+def _check_suite(file: str) -> None:
     """Plan every flight of a suite, so that what cannot fly is refused here, and say
     what flies.
     """
     from skyarm.studies.compare.suite_file import load_suite
 
     require_left_out(
-        context, ["--payload", "--arm-poses", "--gravity", "--flights"], " for a suite"
+        ["--payload", "--arm-poses", "--gravity", "--flights"], " for a suite"
     )
     suite = load_suite(file)
     with bar(f"{file}: checking"):

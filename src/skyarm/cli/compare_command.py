@@ -69,7 +69,6 @@ true plant."""
 
 
 def compare(
-    context: typer.Context,
     suite: Annotated[
         str, typer.Argument(autocompletion=name_completion("suite", "scenario"))
     ] = SUITE,
@@ -127,7 +126,7 @@ def compare(
             f"--plant = {plant!r}: {must_be_one_of(registered('plant'), plant)}"
         )
     kind = _kind_of_comparison(suite)
-    _require_effect(context, suite, kind)
+    _require_effect(suite, kind)
     names = names_of("--laws", laws)
     options = dict[str, Any](seed=seed, plant=plant)
     if suite in (ENVELOPE, SURVIVE):
@@ -161,16 +160,14 @@ def compare(
         }
     elif kind == FILE:
         options["only"] = None if only is None else split_names("--only", only)
-        if is_given(context, "vehicle"):
+        if is_given("vehicle"):
             options["vehicle"] = vehicle
     elif (suite.endswith(".toml") and Path(suite).is_file()) or suite in shipped_names(
         "scenario"
     ):
         # two names of one law are refused with its plan
         law_names(names)
-        options = {
-            word: value for word, value in options.items() if is_given(context, word)
-        }
+        options = {word: value for word, value in options.items() if is_given(word)}
         options |= {"seeds": seeds, "laws": names or USUAL_LAWS}
         names = []
     else:
@@ -190,16 +187,14 @@ def _kind_of_comparison(suite: str) -> str:
     return FILE if kind_of_file(suite) == "suite" else "a scenario"
 
 
-def _require_effect(context: typer.Context, suite: str, kind: str) -> None:
+def _require_effect(suite: str, kind: str) -> None:
     """Raise an error if the user gave an option that has no effect on this kind of
     comparison.
     """
     for option, readers in READ_BY.items():
         if kind not in readers:
             of = suite if kind in (suite, FILE) else f"scenario {suite}"
-            require_left_out(
-                context, [option], f" for {of}; it is of {' and '.join(readers)}"
-            )
+            require_left_out([option], f" for {of}; it is of {' and '.join(readers)}")
 
 
 def _fly(suite: Suite[Any], folder: Path, count: int, on: str | None) -> None:

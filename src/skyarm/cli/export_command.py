@@ -85,7 +85,6 @@ name."""
 
 
 def export(
-    context: typer.Context,
     what: str,
     to: Annotated[
         str | None,
@@ -125,7 +124,7 @@ def export(
     # file
     if to != "c" and to not in names("vehicle_format"):
         require_left_out(
-            context, [*OF_LAWS, *OF_VEHICLES], " of a log; it belongs to --to c or mjcf"
+            [*OF_LAWS, *OF_VEHICLES], " of a log; it belongs to --to c or mjcf"
         )
         with bar(f"{what}: writing"):
             return _log(what, to, file, epoch, vehicle)
@@ -134,7 +133,7 @@ def export(
         *(() if to == "c" else ("--vehicle", *OF_LAWS)),
         *(each for each in OF_VEHICLES if each not in taken),
     ]
-    require_left_out(context, [*others, "--epoch"], f" beside --to {to}")
+    require_left_out([*others, "--epoch"], f" beside --to {to}")
     if file is None:
         raise ValueError(f"--out: is missing; --to {to} writes a file")
     written = output_file(file, "--out", *SUFFIXES.get(to, (f".{to}",)))

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, cast, get_args
 
-import typer
-
 from skyarm.cli.arguments import (
     Laws,
     OptionalOut,
@@ -44,7 +42,6 @@ below."""
 
 
 def film(
-    context: typer.Context,
     flights: list[str],
     out: OptionalOut = None,
     laws: Laws = None,
@@ -86,7 +83,7 @@ def film(
     path = Path(file)
     if path.suffix.removeprefix(".") in SUFFIXES:
         require_left_out(
-            context, OF_FILMS, " of a recording, which is drawn where it is looked at"
+            OF_FILMS, " of a recording, which is drawn where it is looked at"
         )
     start, stop = (0.0, None) if window is None else window
     left_out = () if without is None else chosen_names("--without", without, PARTS)
@@ -121,7 +118,7 @@ def film(
         asked = _flights_of(flights, names)
         labelled = [each for each in asked if each.label]
         if labelled:
-            require_left_out(context, ["--label"], " beside NAME=FLIGHT")
+            require_left_out(["--label"], " beside NAME=FLIGHT")
             require_distinct(
                 [each.word for each in labelled], [each.label for each in labelled]
             )

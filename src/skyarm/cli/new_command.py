@@ -59,7 +59,6 @@ FIRST = {
 
 
 def new(
-    context: typer.Context,
     kind: Annotated[str, word_completion(*KINDS)],
     name: str,
     source: Annotated[str, typer.Option("--from")] = "",
@@ -95,9 +94,9 @@ def new(
     if tip and not source:
         raise ValueError(f"--tip = {shown(tip)}: must stand beside --from")
     if not source:
-        require_left_out(context, ["--collisions"], " without --from")
+        require_left_out(["--collisions"], " without --from")
     if not rotors:
-        require_left_out(context, ["--arm-length", "--mass"], " without --rotors")
+        require_left_out(["--arm-length", "--mass"], " without --rotors")
     elif source or kind != "vehicle":
         raise ValueError(f"--rotors = {rotors}: must be of a vehicle without --from")
     own, flies = "", True

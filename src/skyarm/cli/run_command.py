@@ -52,7 +52,6 @@ from skyarm.view.pages import Facts
 
 
 def run(
-    context: typer.Context,
     scenario: ScenarioOrLog,
     out: Out = "out/run",
     plant: Annotated[str | None, word_completion(registered="plant")] = None,
@@ -84,15 +83,14 @@ def run(
         pace: with --ros: flight over wall time; 0: as fast as possible
     """
     if logs:
-        require_left_out(context, ["--out"], " beside --log, whose files say where")
+        require_left_out(["--out"], " beside --log, whose files say where")
     if ros is None:
-        require_left_out(context, ["--pace"], " without --ros")
+        require_left_out(["--pace"], " without --ros")
     require_not_another(scenario, "scenario")
     names = law_names(laws)
     require_different(names, "--laws")
     if len(names) > 1:
         require_left_out(
-            context,
             ["--log", "--ros"],
             " with several laws, whose logs are OUT/NAME_LAW",
         )

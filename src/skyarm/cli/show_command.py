@@ -45,7 +45,6 @@ suite have none."""
 
 
 def show(
-    context: typer.Context,
     shown: Annotated[
         str | None, typer.Argument(autocompletion=name_completion("vehicle"))
     ] = None,
@@ -78,23 +77,20 @@ def show(
     """
     if shown is None:
         require_left_out(
-            context,
             OPTIONS,
             " without a vehicle or flight",
         )
         return _show_library()
     if shown == WORDS_OF_A_FILE:
         require_left_out(
-            context,
             OPTIONS,
             " beside words",
         )
         return _show_words()
     if _is_flight(shown):
-        require_left_out(context, ["--gravity", "--compare"], " of a flight")
+        require_left_out(["--gravity", "--compare"], " of a flight")
         if drawing is not None:
             require_left_out(
-                context,
                 ["--vehicle"],
                 " beside --out, a drawing of the flight's channels alone",
             )
@@ -102,17 +98,15 @@ def show(
         return None
     if kind_of_file(shown) == "suite":
         require_left_out(
-            context,
             OPTIONS,
             " of a suite",
         )
         return _show_suite(shown)
-    require_left_out(context, ["--vehicle", "--columns"], " of a vehicle")
+    require_left_out(["--vehicle", "--columns"], " of a vehicle")
     number(require_gravity(gravity, "--gravity"), "--gravity", low=0.0, strict=True)
     require_not_another(shown, "vehicle")
     if drawing is not None:
         require_left_out(
-            context,
             ["--gravity", "--compare"],
             " beside --out, a drawing, which shows no numbers of it",
         )

@@ -14,8 +14,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from skyarm.cli.arguments import (
     Laws,
     Out,
@@ -47,7 +45,6 @@ OF_SIMULATION, OF_REPLAY = ("--laws", "--out"), ("--horizon", "--delay", "--colu
 
 
 def studio(
-    context: typer.Context,
     scenario: Scenario = "case2",
     laws: Laws = None,
     port: int = 8080,
@@ -80,9 +77,7 @@ def studio(
     if not 0 <= port <= 65535:
         raise StudioError(f"--port = {port}: must be from 0 to 65535")
     if vehicle is not None:
-        require_left_out(
-            context, OF_SIMULATION, " with --vehicle: no law flies in a replay"
-        )
+        require_left_out(OF_SIMULATION, " with --vehicle: no law flies in a replay")
         replay: PredictionReplay = function_of_option("studio --vehicle")(
             scenario, vehicle, horizon, delay, columns
         )
@@ -100,7 +95,7 @@ def studio(
             lambda: replay_page,
         )
         return
-    require_left_out(context, OF_REPLAY, " without --vehicle")
+    require_left_out(OF_REPLAY, " without --vehicle")
     names = law_names(laws)
     made = [
         # the folder is made to try it, and taken back until a flight is saved

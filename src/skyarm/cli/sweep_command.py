@@ -46,7 +46,6 @@ DPI = 160
 
 
 def sweep(
-    context: typer.Context,
     study: Annotated[str, name_completion("study")],
     laws: Laws = None,
     out: OptionalOut = None,
@@ -78,18 +77,15 @@ def sweep(
     if study not in shipped_names("study") and Path(study).is_dir() and study:
         # a shipped study goes before a folder of its name
         require_left_out(
-            context,
             ["--laws", "--workers", "--on", "--part", "--save"],
             " with the folder of a sweep",
         )
         _sum_up(study, out, success, paths)
         return
-    require_left_out(
-        context, ["--success", "--map"], "; only the folder of a sweep has it"
-    )
+    require_left_out(["--success", "--map"], "; only the folder of a sweep has it")
     if save:
         require_left_out(
-            context, ["--workers", "--on", "--part"], " with --save: nothing is flown"
+            ["--workers", "--on", "--part"], " with --save: nothing is flown"
         )
         _save_episodes(study, law_names(laws) or None, out, save)
     else:

@@ -351,7 +351,6 @@ def _words_and_files(begun: str) -> list[str]:
 
 
 def identify(
-    context: typer.Context,
     files: Annotated[
         list[str] | None,
         typer.Argument(metavar="flights|lags|design", autocompletion=_words_and_files),
@@ -373,12 +372,10 @@ def identify(
     if designed is not None:
         if files:
             raise ValueError("FLIGHT: must be left out with --design")
-        require_left_out(
-            context, [*_beyond("flights", "design"), "--lags"], " with --design"
-        )
+        require_left_out([*_beyond("flights", "design"), "--lags"], " with --design")
         design(designed, **_of("design", options))
         return
-    require_left_out(context, _beyond("design", "flights"), " without --design")
+    require_left_out(_beyond("design", "flights"), " without --design")
     if not files:
         raise ValueError(
             "FLIGHT: is missing: must be one log or more, or --design VEHICLE"
@@ -388,7 +385,7 @@ def identify(
         options["vehicle"] is None and len(files) == 1 and _is_own_log(Path(files[0]))
     ):
         require_left_out(
-            context, _beyond("flights", "lags"), " without --vehicle, and with --lags"
+            _beyond("flights", "lags"), " without --vehicle, and with --lags"
         )
         if len(files) > 1:
             raise ValueError(f"flights = {len(files)}: must be one with --lags")
