@@ -227,13 +227,14 @@ def _vehicle(
         units = [
             each for each in scenario.agent.sensors if reads(each.sensor, ImuReading)
         ]
-        mounts = [
-            (each.name, each.sensor.mounted_at, mount_rotation(each.sensor.turned_by))
-            for each in units
-        ]
         frames = [
-            Frame(name=name, link=BASE, position=p, rotation=R or Mat3.identity())
-            for name, p, R in mounts
+            Frame(
+                name=each.name,
+                link=BASE,
+                position=each.sensor.mounted_at,
+                rotation=mount_rotation(each.sensor.turned_by) or Mat3.identity(),
+            )
+            for each in units
         ]
         vehicle = replace(vehicle, frames=(*vehicle.frames, *frames))
     else:

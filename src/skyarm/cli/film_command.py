@@ -206,23 +206,17 @@ def _flights_of(flights: Sequence[str], names: Sequence[str]) -> list[_Flight]:
     return asked
 
 
-def _log_of(flight: _Flight, stop: float | None) -> Log:
-    """Simulate a flight of a film, or load it if it is that of a log."""
-    if _is_flown(flight.name):
-        return _fly(flight.name, flight.law, stop)
-    return load_log(flight.name)
-
-
 def _is_flown(name: str) -> bool:
     """True if a name denotes a scenario that must be simulated first, not a log."""
     return Path(name).suffix in ("", ".toml") or name in list_scenarios()
 
 
-def _fly(name: str, law: str | None, stop: float | None) -> Log:
-    """Simulate a scenario, at most up to the end of the filmed interval."""
-    planned = load_scenario(name, controller=law)
-    # flown no longer than it is filmed
+def _log_of(flight: _Flight, stop: float | None) -> Log:
+    """Load the log of a flight, or simulate it up to the end of the filmed interval."""
+    if not _is_flown(flight.name):
+        return load_log(flight.name)
+    planned = load_scenario(flight.name, controller=flight.law)
     if stop is not None and stop < planned.duration:
-        planned = load_scenario(name, controller=law, duration=stop)
-    with bar(f"{planned.name} {law or ''}".strip()) as advance:
+        planned = load_scenario(flight.name, controller=flight.law, duration=stop)
+    with bar(f"{planned.name} {flight.law or ''}".strip()) as advance:
         return run(planned, advance)

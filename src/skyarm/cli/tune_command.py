@@ -7,6 +7,7 @@ from __future__ import annotations
 import os
 import shlex
 import time
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -35,7 +36,7 @@ from skyarm.records.files import (
     write_atomically,
 )
 from skyarm.records.files.earlier_files import edits_kept
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.registry.plugins import is_law_of_file, law_of_file_name
 from skyarm.scenario.controller_table import LAYERS, is_gains_file
 from skyarm.scenario.save import Tables, law_entry, save_scenario
@@ -204,16 +205,27 @@ def _save_scenario(
             return None
 
 
-@immutable
+@positional
 class TuningInputs:
-    """Inputs of a gain tuning: scenario, law options, initial gains and label."""
+    """Inputs of a gain tuning.
+
+    Attributes:
+        scenario: scenario that is flown.
+        label: law that is tuned, or the options of a team's.
+        has_motion: False for a vehicle, whose scenario is made for the search.
+        law_table: options of the law. kept: gains that were tuned before.
+    """
 
     scenario: Scenario
-    has_motion: bool
-    law_table: Tables
-    kept: Tables
     label: str
-    name: str
+    has_motion: bool = True
+    law_table: Tables = field(default_factory=dict)
+    kept: Tables = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """Name of the folder of the results."""
+        return f"{self.scenario.name}_{law_of_file_name(self.label)}"
 
 
 def tuning_inputs(target: str, controller: str | None) -> TuningInputs:
@@ -253,15 +265,7 @@ def tuning_inputs(target: str, controller: str | None) -> TuningInputs:
                     " a team are written into it"
                 )
                 raise ValueError(f"scenario = {shown(target)}: {allowed}")
-            label = subject_of(scenario).label(scenario)
-            return TuningInputs(
-                scenario=scenario,
-                has_motion=True,
-                law_table={},
-                kept={},
-                label=label,
-                name=f"{scenario.name}_{label}",
-            )
+            return TuningInputs(scenario, subject_of(scenario).label(scenario))
         file = LIBRARY / f"{target}.toml" if target in names else Path(target)
         # nothing of a log
         document: Tables = (
@@ -284,15 +288,7 @@ def tuning_inputs(target: str, controller: str | None) -> TuningInputs:
     elif controller is not None:
         law_table = law_entry(controller)
     label = str(law_table.get("preset", law_table.get("law")))
-    name = f"{scenario.name}_{law_of_file_name(label)}"
-    return TuningInputs(
-        scenario=scenario,
-        has_motion=not of_a_vehicle,
-        law_table=law_table,
-        kept=gains,
-        label=label,
-        name=name,
-    )
+    return TuningInputs(scenario, label, not of_a_vehicle, law_table, gains)
 
 
 def _is_vehicle(target: str) -> bool:
