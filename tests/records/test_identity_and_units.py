@@ -18,6 +18,7 @@ from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields, require_fields
 from skyarm.records.files import Fields
 from skyarm.records.identity import identity
+from skyarm.records.plain import plain
 from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit, units
 
@@ -31,6 +32,20 @@ def test_identity_is_of_all_numbers_and_of_no_title() -> None:
         skyarm.load_scenario("case1", controller="indi"),
     ]
     assert len({identity(each) for each in (scenario, *others)}) == 4
+
+
+def test_what_a_function_captures_of_the_library_is_written_by_its_type() -> None:
+    """Traced programs of an environment have more paths than can be written; and a
+    variable may have no value yet.
+    """
+    captured = Fields({"mass": 1.0}, "plant")
+
+    def policy() -> object:
+        return captured.table, later
+
+    assert plain(policy)["bound"] == [{"type": "skyarm.records.files.fields:Fields"}]
+    later = Spring(stiffness=1.0)
+    assert len(plain(policy)["bound"]) == 2
 
 
 def test_every_field_of_what_crosses_the_boundary_says_its_unit() -> None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -98,14 +99,14 @@ def word_completion(*words: str, registered: str = "") -> Callable[[str], list[s
     return complete
 
 
-def out_option(words: str, metavar: str = "FOLDER") -> Any:
-    """Make the option for the output path, of type text since as a Path an empty name
-    would mean the present folder.
-    """
-    return typer.Option("--out", "-o", metavar=metavar, help=words)
+# as text, since as a Path an empty name would mean the present folder
+_OUT = typer.Option(
+    "--out", "-o", metavar="FOLDER", help="folder for the results, made if missing"
+)
 
+Out = Annotated[str, _OUT]
 
-Out = Annotated[str, out_option("folder for the results, made if missing")]
+OptionalOut = Annotated[str | None, _OUT]
 
 Force = Annotated[
     bool,
@@ -226,21 +227,26 @@ def require_within(
         raise ValueError(f"{option} = {value}: must be {allowed}")
 
 
-def require_left_out(context: typer.Context, options: Iterable[str], why: str) -> None:
+running: ContextVar[typer.Context] = ContextVar("running")
+"""Context variable with the parsed words of the running command."""
+
+
+def require_left_out(options: Iterable[str], why: str) -> None:
     """Raise an error if the user gave one of these options, which would have no effect.
 
     Raises:
         ValueError: one line: the first of them, and why.
     """
-    names = {word: each.name for each in context.command.params for word in each.opts}
+    parameters = running.get().command.params
+    names = {word: each.name for each in parameters for word in each.opts}
     for option in options:
-        if is_given(context, str(names[option])):
+        if is_given(str(names[option])):
             raise ValueError(f"{option}: must be left out{why}")
 
 
-def is_given(context: typer.Context, parameter: str) -> bool:
-    """True if the user gave a parameter of a command."""
-    source = context.get_parameter_source(parameter)
+def is_given(parameter: str) -> bool:
+    """True if the user gave a parameter of the running command."""
+    source = running.get().get_parameter_source(parameter)
     return source is not None and source.name != "DEFAULT"
 
 

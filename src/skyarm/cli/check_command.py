@@ -17,42 +17,28 @@ from skyarm.studies.assess.check_sheet import sheet
 
 
 def check(
-    context: typer.Context,
-    what: Annotated[
-        str,
-        typer.Argument(
-            metavar="VEHICLE|SCENARIO|SUITE",
-            help="a file or a shipped name",
-            autocompletion=name_completion("vehicle", "scenario"),
-        ),
-    ],
-    payload: Annotated[float, typer.Option(help="mass held at the tip, kg")] = 0.0,
-    poses: Annotated[
-        int, typer.Option("--arm-poses", help="number of sampled arm poses")
-    ] = 1024,
-    gravity: Annotated[
-        float | None,
-        typer.Option(help="with a vehicle: gravity, m/s^2; 9.81 if left out"),
-    ] = None,
-    flights: Annotated[
-        bool,
-        typer.Option(
-            "--flights",
-            help=(
-                "of a scenario: largest blow, lateness and load that short flights"
-                " survive"
-            ),
-        ),
-    ] = False,
+    what: Annotated[str, name_completion("vehicle", "scenario")],
+    payload: float = 0.0,
+    poses: Annotated[int, typer.Option("--arm-poses")] = 1024,
+    gravity: float | None = None,
+    flights: bool = False,
 ) -> None:
     """Check whether a vehicle can fly, and why not.
 
     Thrust, torques, joint limits, workspace, largest payload and side force, units that
     look wrong; of a scenario also its reference against limits. Exit code 1 if a fault
     was found.
+
+    Options:
+        what VEHICLE|SCENARIO|SUITE: a file or a shipped name
+        payload: mass held at the tip, kg
+        poses: number of sampled arm poses
+        gravity: with a vehicle: gravity, m/s^2; 9.81 if left out
+        flights: of a scenario: largest blow, lateness and load that short flights
+            survive
     """
     if kind_of_file(what) == "suite":
-        return _check_suite(context, what)
+        return _check_suite(what)
     with bar(f"{what}: checking"):
         assessment = assess(
             what, payload=payload, poses=poses, gravity=gravity, flights=flights
@@ -65,14 +51,14 @@ def check(
         tell(f"next: skyarm new vehicle NAME --from {shlex.quote(what)}")
 
 
-def _check_suite(context: typer.Context, file: str) -> None:
+def _check_suite(file: str) -> None:
     """Plan every flight of a suite, so that what cannot fly is refused here, and say
     what flies.
     """
     from skyarm.studies.compare.suite_file import load_suite
 
     require_left_out(
-        context, ["--payload", "--arm-poses", "--gravity", "--flights"], " for a suite"
+        ["--payload", "--arm-poses", "--gravity", "--flights"], " for a suite"
     )
     suite = load_suite(file)
     with bar(f"{file}: checking"):

@@ -24,7 +24,7 @@ from typing import Annotated, Any, TypeAlias
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from skyarm.cli.arguments import EVERY, Plugins
+from skyarm.cli.arguments import EVERY, Plugins, running
 from skyarm.cli.lines import (
     INTERRUPTED,
     OUR_FAULT,
@@ -145,6 +145,11 @@ class Spelled(LateConversion, TyperCommand):
                 each.metavar = each.metavar or VALUES.get(
                     getattr(kind, "annotation", str), "NAME"
                 )
+
+    def invoke(self, ctx: Parsed) -> Any:
+        """Run the command, whose options then are those of the running one."""
+        running.set(ctx)
+        return super().invoke(ctx)
 
     def collect_usage_pieces(self, ctx: Parsed) -> list[str]:
         """Words of the line of usage, a required argument without braces."""

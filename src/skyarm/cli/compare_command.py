@@ -11,12 +11,12 @@ from skyarm.cli.arguments import (
     Flying,
     Laws,
     On,
+    OptionalOut,
     chosen_names,
     is_given,
     law_names,
     name_completion,
     names_of,
-    out_option,
     require_left_out,
     require_within,
     shipped_names,
@@ -69,40 +69,14 @@ true plant."""
 
 
 def compare(
-    context: typer.Context,
     suite: Annotated[
-        str,
-        typer.Argument(
-            help=(
-                "paper-, envelope-, survive-, contact-, team-suite, your suite or a"
-                " scenario"
-            ),
-            autocompletion=name_completion("suite", "scenario"),
-        ),
+        str, typer.Argument(autocompletion=name_completion("suite", "scenario"))
     ] = SUITE,
-    out: Annotated[
-        str | None,
-        out_option("folder of tables, figure and page; the same command goes on in it"),
-    ] = None,
+    out: OptionalOut = None,
     laws: Laws = None,
-    only: Annotated[
-        str | None,
-        typer.Option(metavar="NAME,...", help="conditions, axes or tasks, with commas"),
-    ] = None,
-    vehicle: Annotated[
-        str,
-        typer.Option(
-            help="with an arm; of suites for any vehicle",
-            autocompletion=name_completion("vehicle"),
-        ),
-    ] = PAPER,
-    scenario: Annotated[
-        str,
-        typer.Option(
-            help="with team-suite: a scenario with [team]",
-            autocompletion=name_completion("scenario"),
-        ),
-    ] = FLOWN,
+    only: str | None = None,
+    vehicle: Annotated[str, name_completion("vehicle")] = PAPER,
+    scenario: Annotated[str, name_completion("scenario")] = FLOWN,
     plants: Annotated[
         int | None,
         typer.Option(
@@ -112,10 +86,8 @@ def compare(
             )
         ),
     ] = None,
-    seeds: Annotated[
-        int, typer.Option(help="noisy flights on the unperturbed plant")
-    ] = SEEDS,
-    seed: Annotated[int, typer.Option(help="seed of plants and noise")] = 0,
+    seeds: int = SEEDS,
+    seed: int = 0,
     quick: Annotated[
         bool,
         typer.Option(
@@ -126,17 +98,23 @@ def compare(
             ),
         ),
     ] = False,
-    plant: Annotated[
-        str,
-        typer.Option(
-            help="rigid_body or mujoco",
-            autocompletion=word_completion(registered="plant"),
-        ),
-    ] = "rigid_body",
+    plant: Annotated[str, word_completion(registered="plant")] = "rigid_body",
     flying: Flying = 0,
     on: On = None,
 ) -> None:
-    """Compare laws on a suite of trials, or on a scenario."""
+    """Compare laws on a suite of trials, or on a scenario.
+
+    Options:
+        suite: paper-, envelope-, survive-, contact-, team-suite, your suite or a
+            scenario
+        out FOLDER: folder of tables, figure and page; the same command goes on in it
+        only NAME,...: conditions, axes or tasks, with commas
+        vehicle: with an arm; of suites for any vehicle
+        scenario: with team-suite: a scenario with [team]
+        seeds: noisy flights on the unperturbed plant
+        seed: seed of plants and noise
+        plant: rigid_body or mujoco
+    """
     require_within("--seeds", seeds, 1, MOST)
     require_within("--plants", PLANTS if plants is None else plants, 1, MOST)
     require_within("--seed", seed, 0)
@@ -148,7 +126,7 @@ def compare(
             f"--plant = {plant!r}: {must_be_one_of(registered('plant'), plant)}"
         )
     kind = _kind_of_comparison(suite)
-    _require_effect(context, suite, kind)
+    _require_effect(suite, kind)
     names = names_of("--laws", laws)
     options = dict[str, Any](seed=seed, plant=plant)
     if suite in (ENVELOPE, SURVIVE):
@@ -182,16 +160,14 @@ def compare(
         }
     elif kind == FILE:
         options["only"] = None if only is None else split_names("--only", only)
-        if is_given(context, "vehicle"):
+        if is_given("vehicle"):
             options["vehicle"] = vehicle
     elif (suite.endswith(".toml") and Path(suite).is_file()) or suite in shipped_names(
         "scenario"
     ):
         # two names of one law are refused with its plan
         law_names(names)
-        options = {
-            word: value for word, value in options.items() if is_given(context, word)
-        }
+        options = {word: value for word, value in options.items() if is_given(word)}
         options |= {"seeds": seeds, "laws": names or USUAL_LAWS}
         names = []
     else:
@@ -211,16 +187,14 @@ def _kind_of_comparison(suite: str) -> str:
     return FILE if kind_of_file(suite) == "suite" else "a scenario"
 
 
-def _require_effect(context: typer.Context, suite: str, kind: str) -> None:
+def _require_effect(suite: str, kind: str) -> None:
     """Raise an error if the user gave an option that has no effect on this kind of
     comparison.
     """
     for option, readers in READ_BY.items():
         if kind not in readers:
             of = suite if kind in (suite, FILE) else f"scenario {suite}"
-            require_left_out(
-                context, [option], f" for {of}; it is of {' and '.join(readers)}"
-            )
+            require_left_out([option], f" for {of}; it is of {' and '.join(readers)}")
 
 
 def _fly(suite: Suite[Any], folder: Path, count: int, on: str | None) -> None:

@@ -37,28 +37,20 @@ as in ``skyarm run``."""
 
 
 def diff(
-    flight: Annotated[str, typer.Argument(metavar="LOG", help="the log of a flight")],
-    other: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="OTHER",
-            help="another log; left out: the flight is flown again and compared",
-        ),
-    ] = None,
-    tolerance: Annotated[
-        float,
-        typer.Option(
-            help=(
-                "largest difference that counts as none, in the SI unit of each"
-                " quantity"
-            )
-        ),
-    ] = 0.0,
+    flight: str,
+    other: Annotated[str | None, typer.Argument()] = None,
+    tolerance: float = 0.0,
 ) -> None:
     """Compare two logs, or a log with its flight flown again.
 
     First divergence in time, largest difference of each quantity, metrics side by side,
     and fields in which the scenarios differ. Exit code 1 if the logs differ.
+
+    Options:
+        flight LOG: the log of a flight
+        other OTHER: another log; left out: the flight is flown again and compared
+        tolerance: largest difference that counts as none, in the SI unit of each
+            quantity
     """
     number(tolerance, "--tolerance", low=0.0)
     a = read(flight)

@@ -14,7 +14,6 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from importlib import metadata
-from typing import Annotated
 
 import typer
 
@@ -31,7 +30,7 @@ from skyarm.records.files.packages import (
     installed_versions,
     rival_of_mujoco,
 )
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.view.pages import table_of
 
 WORKS, MISSING, BROKEN = "works", "missing", "broken"
@@ -78,7 +77,7 @@ TRIALS: dict[str, tuple[str, str, bool]] = {
 """Trial -> program, remedy, and whether flights need it."""
 
 
-@immutable
+@positional
 class CheckResult:
     """Result of one installation check: name, state, finding and remedy."""
 
@@ -90,18 +89,16 @@ class CheckResult:
 
 
 def doctor(
-    clear: Annotated[
-        bool,
-        typer.Option(
-            "--clear", help="remove all entries of the cache of machine code first"
-        ),
-    ] = False,
+    clear: bool = False,
 ) -> None:
     """Check the installation and the cache of machine code.
 
     Versions, engines, machine code, OpenGL for films, GPU, extras and the command that
     adds each; where machine code is cached and how much of it. Exit code: 0 if all that
     flights need works, 1 if not.
+
+    Options:
+        clear: remove all entries of the cache of machine code first
     """
     limit = size_limit()
     if clear:
@@ -170,8 +167,8 @@ def examine() -> list[CheckResult]:
     with ThreadPoolExecutor() as pool:
         tried = pool.map(lambda name: _try_program(name, *trials[name]), trials)
         return [
-            CheckResult(name="Python", state=WORKS, found=python, needed=True),
-            CheckResult(name="skyarm", state=WORKS, found=__version__, needed=True),
+            CheckResult("Python", WORKS, python, needed=True),
+            CheckResult("skyarm", WORKS, __version__, needed=True),
             *(*_libraries(), *_extras(), _cache(), *tried),
         ]
 
@@ -182,30 +179,16 @@ def _libraries() -> list[CheckResult]:
     if rival := rival_of_mujoco(there):
         finding, _, remedy = rival.partition("; ")
         finding = finding.removeprefix(f"{RIVAL} ")
-        parts.append(
-            CheckResult(
-                name=RIVAL, state=BROKEN, found=finding, remedy=remedy, needed=True
-            )
-        )
+        parts.append(CheckResult(RIVAL, BROKEN, finding, remedy, needed=True))
     for name, floor in FLOORS.items():
         version = there.get(name)
-        if version is None:
-            state = MISSING
-        else:
-            state = BROKEN if below_floor({name: version}) else WORKS
-        finding, remedy = version or "", ""
-        if state != WORKS:
-            finding = f"{finding}, needs {floor}"
-            remedy = f"python -m pip install --upgrade '{name}>={floor}'"
-        parts.append(
-            CheckResult(
-                name=name,
-                state=state,
-                found=finding.removeprefix(", "),
-                remedy=remedy,
-                needed=True,
-            )
-        )
+        if version is not None and not below_floor({name: version}):
+            parts.append(CheckResult(name, WORKS, version, needed=True))
+            continue
+        finding = f"needs {floor}" if version is None else f"{version}, needs {floor}"
+        remedy = f"python -m pip install --upgrade '{name}>={floor}'"
+        state = MISSING if version is None else BROKEN
+        parts.append(CheckResult(name, state, finding, remedy, needed=True))
     return parts
 
 
@@ -239,9 +222,7 @@ def _extras() -> list[CheckResult]:
             f"{package} {there.get(package, 'is missing')}" for package in packages
         )
         state, remedy = (MISSING, how_to_install(name)) if missing else (WORKS, "")
-        parts.append(
-            CheckResult(name=f"extra {name}", state=state, found=finding, remedy=remedy)
-        )
+        parts.append(CheckResult(f"extra {name}", state, finding, remedy))
     return parts
 
 
@@ -249,21 +230,15 @@ def _cache() -> CheckResult:
     """Check that compiled machine code can be cached between runs."""
     reason, folder = unused_reason(), cache_folder()
     if reason:
-        return CheckResult(
-            name="cache of code",
-            state=BROKEN,
-            found=reason,
-            remedy="set SKYARM_CACHE to a folder of your own",
-        )
+        remedy = "set SKYARM_CACHE to a folder of your own"
+        return CheckResult("cache of code", BROKEN, reason, remedy)
     cached = object_cache.contents()
     size = (
         f"{cached.entries} entries, {cached.size / MB:.1f} MB of at most"
         f" {size_limit() / MB:g} MB (SKYARM_CACHE_SIZE)"
     )
     return CheckResult(
-        name="cache of code",
-        state=WORKS,
-        found=f"{folder}: {size}; --clear removes them",
+        "cache of code", WORKS, f"{folder}: {size}; --clear removes them"
     )
 
 
@@ -299,6 +274,4 @@ def _try_program(name: str, program: str, remedy: str, needed: bool) -> CheckRes
         # a negative code is the signal that killed it
         elif done.returncode < 0:
             finding = f"ended by signal {-done.returncode}"
-    return CheckResult(
-        name=name, state=state, found=finding, remedy=remedy, needed=needed
-    )
+    return CheckResult(name, state, finding, remedy, needed)

@@ -16,7 +16,7 @@ import typer
 from skyarm import __version__
 from skyarm.algebra import Mat3
 from skyarm.cli.arguments import (
-    out_option,
+    OptionalOut,
     require_left_out,
     shipped_names,
     word_completion,
@@ -85,72 +85,46 @@ name."""
 
 
 def export(
-    context: typer.Context,
-    what: Annotated[
-        str,
-        typer.Argument(
-            metavar="LOG|LAW|VEHICLE|SCENARIO",
-            help="a log; c: a law or scenario; else vehicle or scenario",
-        ),
-    ],
+    what: str,
     to: Annotated[
         str | None,
-        typer.Option(
-            metavar="FORMAT",
-            help="mcap, npz, csv: a log; c: a law; mjcf, urdf, sdf, toml: a vehicle",
-            autocompletion=word_completion("c", registered="log_format vehicle_format"),
-        ),
+        word_completion("c", registered="log_format vehicle_format"),
     ] = None,
-    file: Annotated[
-        str | None,
-        out_option("file to write; for a log next to it if left out", metavar="FILE"),
-    ] = None,
-    vehicle: Annotated[
-        str | None,
-        typer.Option(help="with c: vehicle in the model; of a log of several: which"),
-    ] = None,
-    gravity: Annotated[
-        float | None,
-        typer.Option(help="with c, mjcf: m/s^2; left out: the scenario's, or 9.81"),
-    ] = None,
-    rate: Annotated[
-        float | None,
-        typer.Option(help="with c: control rate, Hz; left out: the scenario's, or 200"),
-    ] = None,
-    name: Annotated[
-        str | None, typer.Option(help="with c: beginning of the names in the file")
-    ] = None,
-    single: Annotated[
-        bool, typer.Option("--float32", help="with c: float in place of double")
-    ] = False,
-    timestep: Annotated[
-        float, typer.Option(help="with mjcf: time step of MuJoCo, s")
-    ] = 0.001,
-    collisions: Annotated[
-        bool,
-        typer.Option(
-            "--collisions",
-            help="with mjcf: the shapes touch the floor and other bodies",
-        ),
-    ] = False,
-    epoch: Annotated[
-        float | None,
-        typer.Option(
-            help="with mcap: Unix time of the start of the flight, s; if left out 0"
-        ),
-    ] = None,
+    file: OptionalOut = None,
+    vehicle: str | None = None,
+    gravity: float | None = None,
+    rate: float | None = None,
+    name: str | None = None,
+    single: Annotated[bool, typer.Option("--float32")] = False,
+    timestep: float = 0.001,
+    collisions: bool = False,
+    epoch: float | None = None,
 ) -> None:
     """Write a log, a law as C, or a vehicle as MJCF, URDF or SDF.
 
     With --to c a preset, a law, LAW_tuned, FILE.py:make, gains or a scenario (its
     controller) become one C99 file. What a format loses of a vehicle stands in the
     first lines of its file.
+
+    Options:
+        what LOG|LAW|VEHICLE|SCENARIO: a log; c: a law or scenario; else vehicle or
+            scenario
+        to FORMAT: mcap, npz, csv: a log; c: a law; mjcf, urdf, sdf, toml: a vehicle
+        file FILE: file to write; for a log next to it if left out
+        vehicle: with c: vehicle in the model; of a log of several: which
+        gravity: with c, mjcf: m/s^2; left out: the scenario's, or 9.81
+        rate: with c: control rate, Hz; left out: the scenario's, or 200
+        name: with c: beginning of the names in the file
+        single: with c: float in place of double
+        timestep: with mjcf: time step of MuJoCo, s
+        collisions: with mjcf: the shapes touch the floor and other bodies
+        epoch: with mcap: Unix time of the start of the flight, s; if left out 0
     """
     # without a format of laws or vehicles it is a log, whose format may follow from its
     # file
     if to != "c" and to not in names("vehicle_format"):
         require_left_out(
-            context, [*OF_LAWS, *OF_VEHICLES], " of a log; it belongs to --to c or mjcf"
+            [*OF_LAWS, *OF_VEHICLES], " of a log; it belongs to --to c or mjcf"
         )
         with bar(f"{what}: writing"):
             return _log(what, to, file, epoch, vehicle)
@@ -159,7 +133,7 @@ def export(
         *(() if to == "c" else ("--vehicle", *OF_LAWS)),
         *(each for each in OF_VEHICLES if each not in taken),
     ]
-    require_left_out(context, [*others, "--epoch"], f" beside --to {to}")
+    require_left_out([*others, "--epoch"], f" beside --to {to}")
     if file is None:
         raise ValueError(f"--out: is missing; --to {to} writes a file")
     written = output_file(file, "--out", *SUFFIXES.get(to, (f".{to}",)))
@@ -253,13 +227,14 @@ def _vehicle(
         units = [
             each for each in scenario.agent.sensors if reads(each.sensor, ImuReading)
         ]
-        mounts = [
-            (each.name, each.sensor.mounted_at, mount_rotation(each.sensor.turned_by))
-            for each in units
-        ]
         frames = [
-            Frame(name=name, link=BASE, position=p, rotation=R or Mat3.identity())
-            for name, p, R in mounts
+            Frame(
+                name=each.name,
+                link=BASE,
+                position=each.sensor.mounted_at,
+                rotation=mount_rotation(each.sensor.turned_by) or Mat3.identity(),
+            )
+            for each in units
         ]
         vehicle = replace(vehicle, frames=(*vehicle.frames, *frames))
     else:

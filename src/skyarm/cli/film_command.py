@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, cast, get_args
 
-import typer
-
 from skyarm.cli.arguments import (
     Laws,
+    OptionalOut,
     chosen_names,
     distinct_labels,
     label_of,
     law_names,
-    out_option,
     require_distinct,
     require_left_out,
     word_completion,
@@ -44,80 +42,38 @@ below."""
 
 
 def film(
-    context: typer.Context,
-    flights: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="FLIGHT...",
-            help="logs or scenarios, NAME=FLIGHT labels one; then the file, unless -o",
-        ),
-    ],
-    out: Annotated[
-        str | None,
-        out_option(
-            "the film's file: .mp4 or .webp; .viser or .html for a 3-D recording",
-            metavar="FILE",
-        ),
-    ] = None,
+    flights: list[str],
+    out: OptionalOut = None,
     laws: Laws = None,
-    label: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="TEXT", help="label of a flight; repeat for each flight, in order"
-        ),
-    ] = None,
-    layout: Annotated[
-        str,
-        typer.Option(help="side: each flight in its own panel; over: all in one panel"),
-    ] = "side",
-    camera: Annotated[
-        str,
-        typer.Option(
-            help="follow, fixed, tip, or the name of a depth camera",
-            autocompletion=word_completion(*get_args(Camera)),
-        ),
-    ] = "follow",
-    inset: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="a depth camera or lidar, in a corner"),
-    ] = None,
-    size: Annotated[
-        str | None,
-        typer.Option(
-            metavar="WxH", help="pixels; 1280x720 if left out, 800x450 for .webp"
-        ),
-    ] = None,
-    fps: Annotated[
-        int | None, typer.Option(help="frames per second; 30 if left out, 15 for .webp")
-    ] = None,
-    speed: Annotated[
-        float, typer.Option(help="seconds of flight per second of film")
-    ] = 1.0,
-    window: Annotated[
-        tuple[float, float] | None,
-        typer.Option(
-            metavar="START STOP",
-            help="the times that are filmed, s; the whole flight if left out",
-        ),
-    ] = None,
-    without: Annotated[
-        str | None,
-        typer.Option(
-            metavar="PARTS",
-            help=(
-                "leave out ghost (the desired pose), plot (the tip error), or"
-                " ghost,plot"
-            ),
-        ),
-    ] = None,
-    fine: Annotated[
-        bool,
-        typer.Option(
-            "--fine", help="shadows and smooth edges; takes four times as long"
-        ),
-    ] = False,
+    label: list[str] | None = None,
+    layout: str = "side",
+    camera: Annotated[str, word_completion(*get_args(Camera))] = "follow",
+    inset: str | None = None,
+    size: str | None = None,
+    fps: int | None = None,
+    speed: float = 1.0,
+    window: tuple[float, float] | None = None,
+    without: str | None = None,
+    fine: bool = False,
 ) -> None:
-    """Film flights; MP4, WebP, or a 3-D recording."""
+    """Film flights; MP4, WebP, or a 3-D recording.
+
+    Options:
+        flights FLIGHT...: logs or scenarios, NAME=FLIGHT labels one; then the file,
+            unless -o
+        out FILE: the film's file: .mp4 or .webp; .viser or .html for a 3-D recording
+        label TEXT: label of a flight; repeat for each flight, in order
+        layout: side: each flight in its own panel; over: all in one panel
+        camera: follow, fixed, tip, or the name of a depth camera
+        inset NAME: a depth camera or lidar, in a corner
+        size WxH: pixels; 1280x720 if left out, 800x450 for .webp
+        fps: frames per second; 30 if left out, 15 for .webp
+        speed: seconds of flight per second of film
+        window START STOP: the times that are filmed, s; the whole flight if left out
+        without PARTS: leave out ghost (the desired pose), plot (the tip error), or
+            ghost,plot
+        fine: shadows and smooth edges; takes four times as long
+    """
     # the last word is the film's file unless --out names it
     *flights, file = [*flights, *([] if out is None else [out])]
     if not flights:
@@ -127,7 +83,7 @@ def film(
     path = Path(file)
     if path.suffix.removeprefix(".") in SUFFIXES:
         require_left_out(
-            context, OF_FILMS, " of a recording, which is drawn where it is looked at"
+            OF_FILMS, " of a recording, which is drawn where it is looked at"
         )
     start, stop = (0.0, None) if window is None else window
     left_out = () if without is None else chosen_names("--without", without, PARTS)
@@ -162,7 +118,7 @@ def film(
         asked = _flights_of(flights, names)
         labelled = [each for each in asked if each.label]
         if labelled:
-            require_left_out(context, ["--label"], " beside NAME=FLIGHT")
+            require_left_out(["--label"], " beside NAME=FLIGHT")
             require_distinct(
                 [each.word for each in labelled], [each.label for each in labelled]
             )
@@ -250,23 +206,17 @@ def _flights_of(flights: Sequence[str], names: Sequence[str]) -> list[_Flight]:
     return asked
 
 
-def _log_of(flight: _Flight, stop: float | None) -> Log:
-    """Simulate a flight of a film, or load it if it is that of a log."""
-    if _is_flown(flight.name):
-        return _fly(flight.name, flight.law, stop)
-    return load_log(flight.name)
-
-
 def _is_flown(name: str) -> bool:
     """True if a name denotes a scenario that must be simulated first, not a log."""
     return Path(name).suffix in ("", ".toml") or name in list_scenarios()
 
 
-def _fly(name: str, law: str | None, stop: float | None) -> Log:
-    """Simulate a scenario, at most up to the end of the filmed interval."""
-    planned = load_scenario(name, controller=law)
-    # flown no longer than it is filmed
+def _log_of(flight: _Flight, stop: float | None) -> Log:
+    """Load the log of a flight, or simulate it up to the end of the filmed interval."""
+    if not _is_flown(flight.name):
+        return load_log(flight.name)
+    planned = load_scenario(flight.name, controller=flight.law)
     if stop is not None and stop < planned.duration:
-        planned = load_scenario(name, controller=law, duration=stop)
-    with bar(f"{planned.name} {law or ''}".strip()) as advance:
+        planned = load_scenario(flight.name, controller=flight.law, duration=stop)
+    with bar(f"{planned.name} {flight.law or ''}".strip()) as advance:
         return run(planned, advance)

@@ -11,9 +11,9 @@ import typer
 
 from skyarm.cli.arguments import (
     Law,
+    OptionalOut,
     Scenario,
     one_law,
-    out_option,
     require_not_another,
     require_within,
 )
@@ -39,38 +39,26 @@ DPI = 150
 MOST_INSTANTS = 10_000
 """Largest number of instants along a flight; each takes about half a second."""
 
-Safety = Annotated[
-    bool, typer.Option("--safety", help="add the safety layer to the law")
-]
-
 
 def margins(
     scenario: Scenario,
     laws: Law = None,
-    instants: Annotated[
-        int,
-        typer.Option(
-            help=(
-                "number of instants along the flight at which margins are computed,"
-                " next to hover"
-            )
-        ),
-    ] = 4,
-    safety: Safety = False,
-    file: Annotated[
-        str | None, out_option("JSON file for eigenvalues and margins", metavar="FILE")
-    ] = None,
-    page: Annotated[
-        str | None,
-        typer.Option(
-            "--html", metavar="PAGE", help="page with Nyquist diagrams (.html)"
-        ),
-    ] = None,
+    instants: int = 4,
+    safety: bool = False,
+    file: OptionalOut = None,
+    page: Annotated[str | None, typer.Option("--html")] = None,
 ) -> None:
     """Linearise the closed loop: eigenvalues, margins.
 
     In hover and along the scenario: delay and gain of the actuators, disk margins of
     every loop, alone and together. Exit code 3 if the flight ended before its time.
+
+    Options:
+        instants: number of instants along the flight at which margins are computed,
+            next to hover
+        safety: add the safety layer to the law
+        file FILE: JSON file for eigenvalues and margins
+        page PAGE: page with Nyquist diagrams (.html)
     """
     from skyarm.studies.stability.flight_margins import evidence, hover_loci
     from skyarm.studies.stability.frozen_scenario import without_adaptation

@@ -59,56 +59,14 @@ FIRST = {
 
 
 def new(
-    context: typer.Context,
-    kind: Annotated[
-        str,
-        typer.Argument(
-            metavar="KIND",
-            help="vehicle, scenario, law or study",
-            autocompletion=word_completion(*KINDS),
-        ),
-    ],
-    name: Annotated[
-        str,
-        typer.Argument(
-            metavar="NAME", help="name of the files and of what they describe"
-        ),
-    ],
-    source: Annotated[
-        str,
-        typer.Option(
-            "--from",
-            metavar="FILE",
-            help=(
-                "vehicle: write the whole vehicle of a .urdf, .xml or other file as"
-                " TOML"
-            ),
-        ),
-    ] = "",
-    tip: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME", help="with --from: link or frame that is the end effector"
-        ),
-    ] = "",
-    collisions: Annotated[
-        str,
-        typer.Option(
-            metavar="WORD",
-            help="with --from: shapes that touch: none, file or capsules",
-            autocompletion=word_completion(*IMPORTS),
-        ),
-    ] = "none",
-    rotors: Annotated[
-        int,
-        typer.Option(
-            metavar="N", help="vehicle: write a bare multirotor of 4, 6, 8, 10 or 12"
-        ),
-    ] = 0,
-    arm_length: Annotated[
-        float, typer.Option(help="with --rotors: from the middle to a hub, m")
-    ] = 0.25,
-    mass: Annotated[float, typer.Option(help="with --rotors: kg")] = 1.5,
+    kind: Annotated[str, word_completion(*KINDS)],
+    name: str,
+    source: Annotated[str, typer.Option("--from")] = "",
+    tip: str = "",
+    collisions: Annotated[str, word_completion(*IMPORTS)] = "none",
+    rotors: int = 0,
+    arm_length: float = 0.25,
+    mass: float = 1.5,
     out: Out = ".",
     force: Force = False,
 ) -> None:
@@ -117,6 +75,17 @@ def new(
     Commented files, which fly as they are, with a test for pytest. Of a vehicle --from
     FILE numbers that FILE lacks are comments to fill in, and the scenario and the test
     are written if there is none.
+
+    Options:
+        kind KIND: vehicle, scenario, law or study
+        name NAME: name of the files and of what they describe
+        source FILE: vehicle: write the whole vehicle of a .urdf, .xml or other file as
+            TOML
+        tip NAME: with --from: link or frame that is the end effector
+        collisions WORD: with --from: shapes that touch: none, file or capsules
+        rotors N: vehicle: write a bare multirotor of 4, 6, 8, 10 or 12
+        arm_length: with --rotors: from the middle to a hub, m
+        mass: with --rotors: kg
     """
     if source and kind != "vehicle":
         raise ValueError(
@@ -125,9 +94,9 @@ def new(
     if tip and not source:
         raise ValueError(f"--tip = {shown(tip)}: must stand beside --from")
     if not source:
-        require_left_out(context, ["--collisions"], " without --from")
+        require_left_out(["--collisions"], " without --from")
     if not rotors:
-        require_left_out(context, ["--arm-length", "--mass"], " without --rotors")
+        require_left_out(["--arm-length", "--mass"], " without --rotors")
     elif source or kind != "vehicle":
         raise ValueError(f"--rotors = {rotors}: must be of a vehicle without --from")
     own, flies = "", True

@@ -12,16 +12,18 @@ import inspect
 import io
 import json
 import math
+import re
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from contextvars import ContextVar
+from copy import copy
 from dataclasses import dataclass, field, fields, is_dataclass
 from numbers import Integral
 from pathlib import Path, PurePath
-from typing import Any
+from typing import Annotated, Any, get_args, get_origin
 
 import typer
 from rich.console import Console, ConsoleOptions, Group, RenderableType
@@ -234,16 +236,44 @@ Command = Callable[..., float | None]
 None."""
 
 
+ROW = re.compile(r"^ {4}(\w+)(?: ([^:\n]+))?: (.+?)(?=\n {4}\w|\Z)", re.M | re.S)
+"""Row of a command's docstring below ``Options:``: parameter, metavar if it has one,
+and help."""
+
+
+def _words_and_rows(command: Command) -> tuple[str, str]:
+    """Docstring of a command, and the rows below ``Options:`` in it."""
+    words, _, rows = (inspect.getdoc(command) or "").partition("\n\nOptions:\n")
+    return words, rows
+
+
+def parameters_of(command: Command) -> list[inspect.Parameter]:
+    """Parameters of a command, with the help that rows of its docstring below
+    ``Options:`` give them.
+    """
+    rows = ROW.findall(_words_and_rows(command)[1])
+    helps = {name: (metavar, help) for name, metavar, help in rows}
+    return [
+        _with_help(each, *helps[each.name])
+        # a plugin's option may be its default, with a help of its own
+        if each.name in helps and not hasattr(each.default, "help")
+        else each
+        for each in inspect.signature(command, eval_str=True).parameters.values()
+    ]
+
+
 def with_output_options(name: str, function: Command) -> Command:
-    """Decorator that adds the common output options to a command."""
-    signature = inspect.signature(function, eval_str=True)
-    own = list(signature.parameters.values())
+    """Decorator that adds the common output options to a command, and the help of its
+    own from its docstring.
+    """
+    own = parameters_of(function)
+    taken = {each.name for each in own}
     added = [
         inspect.Parameter(
             parameter, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=option
         )
         for parameter, option in EVERY.items()
-        if parameter not in signature.parameters
+        if parameter not in taken
     ]
 
     @functools.wraps(function)
@@ -257,9 +287,38 @@ def with_output_options(name: str, function: Command) -> Command:
             fine = isinstance(code, Integral | float | None) and (code or 0) % 1 == 0
             return require_result(function, code, fine, "an exit code, or None")
 
-    perform.__dict__["__signature__"] = signature.replace(parameters=[*own, *added])
+    perform.__dict__["__signature__"] = inspect.Signature([*own, *added])
     perform.__annotations__ = {each.name: each.annotation for each in (*own, *added)}
+    perform.__doc__ = _words_and_rows(function)[0]
     return perform
+
+
+def _with_help(
+    parameter: inspect.Parameter, metavar: str, words: str
+) -> inspect.Parameter:
+    """Parameter of a command with its help, as Typer reads it.
+
+    Its annotation may state its option, or the function that completes it in a shell.
+    """
+    kind, *stated = (
+        get_args(parameter.annotation)
+        if get_origin(parameter.annotation) is Annotated
+        else (parameter.annotation,)
+    )
+    complete = next(filter(callable, stated), None)
+    if stated and not complete:
+        # a copy, since several commands may share an option, each with its words
+        option = copy(stated[0])
+    elif parameter.default is parameter.empty:
+        option = typer.Argument(autocompletion=complete)
+    else:
+        # of a flag without a name Typer makes two options, --NAME and --no-NAME
+        name = parameter.name.replace("_", "-")
+        names = [f"--{name}"] if kind is bool else []
+        option = typer.Option(*names, autocompletion=complete)
+    option.metavar = metavar or option.metavar
+    option.help = " ".join(words.split())
+    return parameter.replace(annotation=Annotated[kind, option])
 
 
 @contextmanager

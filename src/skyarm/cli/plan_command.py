@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.arguments import Force, name_completion, out_option, require_not_another
+from skyarm.cli.arguments import Force, Out, name_completion, require_not_another
 from skyarm.cli.lines import DIFFERENT, NOT_COMPLETED
 from skyarm.cli.output import bar, give, plain, say_cause, tell
 from skyarm.records.files import output_file, taken_back, write_atomically
@@ -17,34 +17,11 @@ from skyarm.records.files.toml import Entry
 
 
 def plan(
-    task: Annotated[
-        str,
-        typer.Argument(
-            help="a task's file (.toml) or a shipped task",
-            autocompletion=name_completion("task"),
-        ),
-    ],
-    out: Annotated[
-        str, out_option("file of the plan (.npz)", metavar="FILE")
-    ] = "plan.npz",
-    scenario: Annotated[
-        str | None,
-        typer.Option(
-            "--scenario", metavar="FILE", help="scenario that flies the plan (.toml)"
-        ),
-    ] = None,
-    report: Annotated[
-        str | None,
-        typer.Option(
-            "--report",
-            metavar="PAGE",
-            help="page with the motion and its limits (.html)",
-        ),
-    ] = None,
-    seconds: Annotated[
-        float,
-        typer.Option(help="longest search, s; after it there is no plan"),
-    ] = 600.0,
+    task: Annotated[str, name_completion("task")],
+    out: Out = "plan.npz",
+    scenario: str | None = None,
+    report: str | None = None,
+    seconds: float = 600.0,
     force: Force = False,
 ) -> None:
     """Plan a flight of base and arm from a task.
@@ -52,6 +29,13 @@ def plan(
     Phases with goals for tip, base and joints, obstacles and limits; the result flies
     as a reference. Exit code 3 if no plan within the limits was found, 1 if the check
     of its scenario finds a fault.
+
+    Options:
+        task: a task's file (.toml) or a shipped task
+        out FILE: file of the plan (.npz)
+        scenario FILE: scenario that flies the plan (.toml)
+        report PAGE: page with the motion and its limits (.html)
+        seconds: longest search, s; after it there is no plan
     """
     from skyarm.planning.plan_file import plan_bytes
     from skyarm.planning.plan_report import flight_document, summary, summary_lines

@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from skyarm.cli.arguments import (
+    Out,
     distinct_labels,
     label_of,
-    out_option,
     word_completion,
 )
 from skyarm.cli.output import give, tell
@@ -26,58 +24,31 @@ from skyarm.view.figures.flight_plot import plot as draw
 
 
 def plot(
-    flights: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="FLIGHT...",
-            help="logs, with a label as NAME=FILE; or the folder of one sweep",
-        ),
-    ],
-    file: Annotated[
-        str, out_option("the picture to write: .png, .svg or .pdf", metavar="FILE")
-    ],
+    flights: list[str],
+    file: Out,
     kind: Annotated[
         str | None,
-        typer.Option(
-            help=(
-                "with flights: tracking, attitude, tip, contact, efforts, rotors,"
-                " parts, team, path, depth or all; "
-                "all if left out"
-            ),
-            autocompletion=word_completion(*KINDS, ALL, PATH, DEPTH),
-        ),
+        word_completion(*KINDS, ALL, PATH, DEPTH),
     ] = None,
-    window: Annotated[
-        tuple[float, float] | None,
-        typer.Option(
-            metavar="START STOP",
-            help=(
-                "with flights: the times that are drawn, s; the whole flight if"
-                " left out"
-            ),
-        ),
-    ] = None,
-    metric: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="METRIC", help="with a sweep: the metric that is drawn; repeat"
-        ),
-    ] = None,
-    over: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NUMBER",
-            help=(
-                "with a sweep: the horizontal axis, a varied number or an expression of"
-                " them"
-            ),
-        ),
-    ] = None,
+    window: tuple[float, float] | None = None,
+    metric: list[str] | None = None,
+    over: str | None = None,
 ) -> None:
     """Draw flights, or curves of a sweep's metrics.
 
     Of a sweep the median and a band of 5 to 95 % over all else that varies. An
     expression has + - * / ( ) and sqrt, as in --over "length = sqrt(a * a + b * b)".
+
+    Options:
+        flights FLIGHT...: logs, with a label as NAME=FILE; or the folder of one sweep
+        file FILE: the picture to write: .png, .svg or .pdf
+        kind: with flights: tracking, attitude, tip, contact, efforts, rotors, parts,
+            team, path, depth or all; all if left out
+        window START STOP: with flights: the times that are drawn, s; the whole flight
+            if left out
+        metric METRIC: with a sweep: the metric that is drawn; repeat
+        over NUMBER: with a sweep: the horizontal axis, a varied number or an expression
+            of them
     """
     folders = [name for name in flights if name and Path(name).is_dir()]
     if folders and len(flights) > 1:

@@ -52,83 +52,45 @@ from skyarm.view.pages import Facts
 
 
 def run(
-    context: typer.Context,
     scenario: ScenarioOrLog,
     out: Out = "out/run",
-    plant: Annotated[
-        str | None,
-        typer.Option(
-            help="rigid_body or mujoco, in place of the file's",
-            autocompletion=word_completion(registered="plant"),
-        ),
-    ] = None,
+    plant: Annotated[str | None, word_completion(registered="plant")] = None,
     laws: Laws = None,
-    autopilot: Annotated[
-        str | None,
-        typer.Option(
-            help=(
-                "autopilot of the base: px4, px4:instance=3; px4:outside for 'skyarm"
-                " fly'"
-            ),
-            autocompletion=name_completion("autopilot"),
-        ),
-    ] = None,
-    seed: Annotated[
-        int | None, typer.Option(help="seed of the noise, in place of the file's")
-    ] = None,
+    autopilot: Annotated[str | None, name_completion("autopilot")] = None,
+    seed: int | None = None,
     duration: Duration = None,
-    force: Annotated[
-        bool,
-        typer.Option(
-            "--force",
-            help="replace an earlier log; without it, the earlier log gets a number",
-        ),
-    ] = False,
-    logs: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--log",
-            metavar="FILE",
-            help=(
-                "file of the log, in place of --out; its suffix chooses the format;"
-                " repeat"
-            ),
-        ),
-    ] = None,
-    picture: Annotated[
-        str | None,
-        typer.Option(
-            "--plot",
-            metavar="FILE",
-            help="draw the flight into this file (.png, .svg or .pdf)",
-        ),
-    ] = None,
-    ros: Annotated[
-        int | None,
-        typer.Option(
-            metavar="2", help="publish topics of ROS 2 and take commands, at real time"
-        ),
-    ] = None,
-    pace: Annotated[
-        float,
-        typer.Option(help="with --ros: flight over wall time; 0: as fast as possible"),
-    ] = 1.0,
+    force: bool = False,
+    logs: Annotated[list[str] | None, typer.Option("--log")] = None,
+    picture: Annotated[str | None, typer.Option("--plot")] = None,
+    ros: int | None = None,
+    pace: float = 1.0,
 ) -> None:
     """Fly a scenario; write its log (npz, CSV, MCAP).
 
     The log is OUT/NAME.npz and .csv, or --log's; earlier ones are kept. Exit code 3:
     ended early.
+
+    Options:
+        plant: rigid_body or mujoco, in place of the file's
+        autopilot: autopilot of the base: px4, px4:instance=3; px4:outside for 'skyarm
+            fly'
+        seed: seed of the noise, in place of the file's
+        force: replace an earlier log; without it, the earlier log gets a number
+        logs FILE: file of the log, in place of --out; its suffix chooses the format;
+            repeat
+        picture FILE: draw the flight into this file (.png, .svg or .pdf)
+        ros 2: publish topics of ROS 2 and take commands, at real time
+        pace: with --ros: flight over wall time; 0: as fast as possible
     """
     if logs:
-        require_left_out(context, ["--out"], " beside --log, whose files say where")
+        require_left_out(["--out"], " beside --log, whose files say where")
     if ros is None:
-        require_left_out(context, ["--pace"], " without --ros")
+        require_left_out(["--pace"], " without --ros")
     require_not_another(scenario, "scenario")
     names = law_names(laws)
     require_different(names, "--laws")
     if len(names) > 1:
         require_left_out(
-            context,
             ["--log", "--ros"],
             " with several laws, whose logs are OUT/NAME_LAW",
         )

@@ -11,8 +11,8 @@ from typing import Annotated
 import typer
 
 from skyarm.cli.arguments import (
+    OptionalOut,
     name_completion,
-    out_option,
     require_left_out,
     require_not_another,
     shipped_names,
@@ -45,50 +45,14 @@ suite have none."""
 
 
 def show(
-    context: typer.Context,
     shown: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="VEHICLE|FLIGHT|words",
-            help=(
-                "file or name of a vehicle, or a log; words: keys of a scenario file;"
-                " left out: what ships"
-            ),
-            autocompletion=name_completion("vehicle"),
-        ),
+        str | None, typer.Argument(autocompletion=name_completion("vehicle"))
     ] = None,
-    gravity: Annotated[
-        float, typer.Option(help="m/s^2, for hover and static efforts")
-    ] = 9.81,
-    drawing: Annotated[
-        str | None,
-        out_option("drawing (.png, .svg, .pdf) in place of numbers", metavar="FILE"),
-    ] = None,
-    vehicle: Annotated[
-        str | None,
-        typer.Option(
-            help=(
-                "with a flight: a vehicle; tells which of its numbers the flight"
-                " excites"
-            )
-        ),
-    ] = None,
-    columns: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE", help="with a flight: file that says what its columns mean"
-        ),
-    ] = None,
-    compare: Annotated[
-        bool,
-        typer.Option(
-            "--compare",
-            help=(
-                "of a .urdf or .xml file: what MuJoCo reads in it, beside what is read"
-                " here"
-            ),
-        ),
-    ] = False,
+    gravity: float = 9.81,
+    drawing: OptionalOut = None,
+    vehicle: str | None = None,
+    columns: str | None = None,
+    compare: bool = False,
 ) -> None:
     """List what ships, or show a vehicle or a flight.
 
@@ -100,26 +64,33 @@ def show(
     Of a measured flight: channels, rates, gaps and clock; with --vehicle its faults,
     and of each number of the vehicle whether the flight excites it. words: the grammar
     of a scenario file.
+
+    Options:
+        shown VEHICLE|FLIGHT|words: file or name of a vehicle, or a log; words: keys of
+            a scenario file; left out: what ships
+        gravity: m/s^2, for hover and static efforts
+        drawing FILE: drawing (.png, .svg, .pdf) in place of numbers
+        vehicle: with a flight: a vehicle; tells which of its numbers the flight excites
+        columns FILE: with a flight: file that says what its columns mean
+        compare: of a .urdf or .xml file: what MuJoCo reads in it, beside what is read
+            here
     """
     if shown is None:
         require_left_out(
-            context,
             OPTIONS,
             " without a vehicle or flight",
         )
         return _show_library()
     if shown == WORDS_OF_A_FILE:
         require_left_out(
-            context,
             OPTIONS,
             " beside words",
         )
         return _show_words()
     if _is_flight(shown):
-        require_left_out(context, ["--gravity", "--compare"], " of a flight")
+        require_left_out(["--gravity", "--compare"], " of a flight")
         if drawing is not None:
             require_left_out(
-                context,
                 ["--vehicle"],
                 " beside --out, a drawing of the flight's channels alone",
             )
@@ -127,17 +98,15 @@ def show(
         return None
     if kind_of_file(shown) == "suite":
         require_left_out(
-            context,
             OPTIONS,
             " of a suite",
         )
         return _show_suite(shown)
-    require_left_out(context, ["--vehicle", "--columns"], " of a vehicle")
+    require_left_out(["--vehicle", "--columns"], " of a vehicle")
     number(require_gravity(gravity, "--gravity"), "--gravity", low=0.0, strict=True)
     require_not_another(shown, "vehicle")
     if drawing is not None:
         require_left_out(
-            context,
             ["--gravity", "--compare"],
             " beside --out, a drawing, which shows no numbers of it",
         )

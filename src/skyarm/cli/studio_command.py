@@ -14,13 +14,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from skyarm.cli.arguments import (
     Laws,
+    Out,
+    Scenario,
     law_names,
     name_completion,
-    out_option,
     require_left_out,
 )
 from skyarm.cli.output import tell
@@ -46,76 +45,39 @@ OF_SIMULATION, OF_REPLAY = ("--laws", "--out"), ("--horizon", "--delay", "--colu
 
 
 def studio(
-    context: typer.Context,
-    scenario: Annotated[
-        str,
-        typer.Argument(
-            help="a scenario file or a shipped name; with --vehicle a measured flight",
-            autocompletion=name_completion("scenario"),
-        ),
-    ] = "case2",
+    scenario: Scenario = "case2",
     laws: Laws = None,
-    port: Annotated[
-        int, typer.Option(help="port of the page; 0 takes a free one")
-    ] = 8080,
-    host: Annotated[
-        str,
-        typer.Option(
-            metavar="ADDRESS", help="address of this machine for other devices"
-        ),
-    ] = LOOPBACK[0],
-    no_browser: Annotated[
-        bool, typer.Option("--no-browser", help="print the address and open no browser")
-    ] = False,
-    out: Annotated[str, out_option("folder of saved flights")] = "out/studio",
-    vehicle: Annotated[
-        str | None,
-        typer.Option(
-            help=(
-                "replay a measured flight next to this model under the recorded"
-                " commands"
-            ),
-            autocompletion=name_completion("vehicle"),
-        ),
-    ] = None,
-    horizon: Annotated[
-        float,
-        typer.Option(
-            help="with --vehicle: time between resets to the measured state, s"
-        ),
-    ] = 1.0,
-    delay: Annotated[
-        float | None,
-        typer.Option(
-            help=(
-                "with --vehicle: delay of the commands, s; the identified one if"
-                " left out"
-            )
-        ),
-    ] = None,
-    columns: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE",
-            help=(
-                "with --vehicle: meaning of its columns; if left out columns.toml next"
-                " to it"
-            ),
-        ),
-    ] = None,
+    port: int = 8080,
+    host: str = LOOPBACK[0],
+    no_browser: bool = False,
+    out: Out = "out/studio",
+    vehicle: Annotated[str | None, name_completion("vehicle")] = None,
+    horizon: float = 1.0,
+    delay: float | None = None,
+    columns: str | None = None,
 ) -> None:
     """Fly live on a page: sliders, gusts, laws side by side.
 
     The printed address contains a token. A saved flight is a log for 'skyarm run'. With
     --vehicle a measured flight is a ghost next to the flight of the model under the
     same commands.
+
+    Options:
+        scenario: a scenario file or a shipped name; with --vehicle a measured flight
+        port: port of the page; 0 takes a free one
+        host ADDRESS: address of this machine for other devices
+        no_browser: print the address and open no browser
+        out FOLDER: folder of saved flights
+        vehicle: replay a measured flight next to this model under the recorded commands
+        horizon: with --vehicle: time between resets to the measured state, s
+        delay: with --vehicle: delay of the commands, s; the identified one if left out
+        columns FILE: with --vehicle: meaning of its columns; if left out columns.toml
+            next to it
     """
     if not 0 <= port <= 65535:
         raise StudioError(f"--port = {port}: must be from 0 to 65535")
     if vehicle is not None:
-        require_left_out(
-            context, OF_SIMULATION, " with --vehicle: no law flies in a replay"
-        )
+        require_left_out(OF_SIMULATION, " with --vehicle: no law flies in a replay")
         replay: PredictionReplay = function_of_option("studio --vehicle")(
             scenario, vehicle, horizon, delay, columns
         )
@@ -133,7 +95,7 @@ def studio(
             lambda: replay_page,
         )
         return
-    require_left_out(context, OF_REPLAY, " without --vehicle")
+    require_left_out(OF_REPLAY, " without --vehicle")
     names = law_names(laws)
     made = [
         # the folder is made to try it, and taken back until a flight is saved

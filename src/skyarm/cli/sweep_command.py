@@ -15,9 +15,9 @@ from skyarm.cli.arguments import (
     Flying,
     Laws,
     On,
+    OptionalOut,
     law_names,
     name_completion,
-    out_option,
     require_left_out,
     require_not_another,
     shipped_names,
@@ -46,55 +46,15 @@ DPI = 160
 
 
 def sweep(
-    context: typer.Context,
-    study: Annotated[
-        str,
-        typer.Argument(
-            metavar="STUDY|FOLDER",
-            help="a study (.toml or a shipped name), or the folder of a sweep",
-            autocompletion=name_completion("study"),
-        ),
-    ],
+    study: Annotated[str, name_completion("study")],
     laws: Laws = None,
-    out: Annotated[
-        str | None,
-        out_option(
-            "folder of results; if left out: out/NAME, with a folder FOLDER/stats"
-        ),
-    ] = None,
+    out: OptionalOut = None,
     flying: Flying = 0,
     on: On = None,
-    part: Annotated[
-        str | None,
-        typer.Option(
-            metavar="K/N",
-            help="fly the K-th of N parts, each on a machine with the same folder",
-        ),
-    ] = None,
-    save: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="EPISODE",
-            help=(
-                "with a study: save as a scenario: a number, failed or a metric; repeat"
-            ),
-        ),
-    ] = None,
-    success: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="METRIC=LARGEST",
-            help="with a folder: largest value of a metric in a success; repeat",
-        ),
-    ] = None,
-    paths: Annotated[
-        tuple[str, str] | None,
-        typer.Option(
-            "--map",
-            metavar="X Y",
-            help="with a folder: two varied numbers, the horizontal and vertical axis",
-        ),
-    ] = None,
+    part: str | None = None,
+    save: list[str] | None = None,
+    success: list[str] | None = None,
+    paths: Annotated[tuple[str, str] | None, typer.Option("--map")] = None,
 ) -> None:
     """Fly a study's episodes, or sum up the folder of a sweep.
 
@@ -103,22 +63,29 @@ def sweep(
     stats.json. With --save nothing is flown: an episode's number, or of the rows the
     first without success or with the largest value of a metric, becomes a file for
     'skyarm run'.
+
+    Options:
+        study STUDY|FOLDER: a study (.toml or a shipped name), or the folder of a sweep
+        out FOLDER: folder of results; if left out: out/NAME, with a folder FOLDER/stats
+        part K/N: fly the K-th of N parts, each on a machine with the same folder
+        save EPISODE: with a study: save as a scenario: a number, failed or a metric;
+            repeat
+        success METRIC=LARGEST: with a folder: largest value of a metric in a success;
+            repeat
+        paths X Y: with a folder: two varied numbers, the horizontal and vertical axis
     """
     if study not in shipped_names("study") and Path(study).is_dir() and study:
         # a shipped study goes before a folder of its name
         require_left_out(
-            context,
             ["--laws", "--workers", "--on", "--part", "--save"],
             " with the folder of a sweep",
         )
         _sum_up(study, out, success, paths)
         return
-    require_left_out(
-        context, ["--success", "--map"], "; only the folder of a sweep has it"
-    )
+    require_left_out(["--success", "--map"], "; only the folder of a sweep has it")
     if save:
         require_left_out(
-            context, ["--workers", "--on", "--part"], " with --save: nothing is flown"
+            ["--workers", "--on", "--part"], " with --save: nothing is flown"
         )
         _save_episodes(study, law_names(laws) or None, out, save)
     else:

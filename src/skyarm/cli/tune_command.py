@@ -7,8 +7,9 @@ from __future__ import annotations
 import os
 import shlex
 import time
+from dataclasses import field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -16,9 +17,9 @@ from skyarm.cli.arguments import (
     Flying,
     Law,
     On,
+    OptionalOut,
     names_of,
     one_law,
-    out_option,
     shipped_names,
     workers,
 )
@@ -35,7 +36,7 @@ from skyarm.records.files import (
     write_atomically,
 )
 from skyarm.records.files.earlier_files import edits_kept
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.records.registry.plugins import is_law_of_file, law_of_file_name
 from skyarm.scenario.controller_table import LAYERS, is_gains_file
 from skyarm.scenario.save import Tables, law_entry, save_scenario
@@ -51,40 +52,13 @@ GAINS, PAGE, BEST = "tuned.toml", "tune.html", "best.toml"
 
 
 def tune(
-    target: Annotated[
-        str,
-        typer.Argument(
-            metavar="SCENARIO|VEHICLE",
-            help="a file (.toml) or the name of a shipped one",
-        ),
-    ],
+    target: str,
     laws: Law = None,
-    out: Annotated[
-        str | None, out_option("folder of the results; out/tune_... if left out")
-    ] = None,
-    candidates: Annotated[
-        int | None,
-        typer.Option(
-            help=(
-                "sets of gains that are tried, in whole rounds, 132 or more; left out:"
-                " 1640, of a team 234"
-            )
-        ),
-    ] = None,
-    plants: Annotated[
-        int | None,
-        typer.Option(
-            help="perturbed plants that each candidate flies; left out: 24, of a team 8"
-        ),
-    ] = None,
-    knobs: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="PATH",
-            help="gain or option of the law that may change; repeat; all if left out",
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="seed of plants, noise and search")] = 0,
+    out: OptionalOut = None,
+    candidates: int | None = None,
+    plants: int | None = None,
+    knobs: list[str] | None = None,
+    seed: int = 0,
     flying: Flying = 0,
     on: On = None,
 ) -> None:
@@ -92,6 +66,15 @@ def tune(
 
     best.toml is the scenario under the picked law. The same command continues what was
     interrupted. Exit code 3 if no gains meet the margins.
+
+    Options:
+        target SCENARIO|VEHICLE: a file (.toml) or the name of a shipped one
+        out FOLDER: folder of the results; out/tune_... if left out
+        candidates: sets of gains that are tried, in whole rounds, 132 or more; left
+            out: 1640, of a team 234
+        plants: perturbed plants that each candidate flies; left out: 24, of a team 8
+        knobs PATH: gain or option of the law that may change; repeat; all if left out
+        seed: seed of plants, noise and search
     """
     from skyarm.studies.tune.tuning import (
         effort_of,
@@ -222,16 +205,27 @@ def _save_scenario(
             return None
 
 
-@immutable
+@positional
 class TuningInputs:
-    """Inputs of a gain tuning: scenario, law options, initial gains and label."""
+    """Inputs of a gain tuning.
+
+    Attributes:
+        scenario: scenario that is flown.
+        label: law that is tuned, or the options of a team's.
+        has_motion: False for a vehicle, whose scenario is made for the search.
+        law_table: options of the law. kept: gains that were tuned before.
+    """
 
     scenario: Scenario
-    has_motion: bool
-    law_table: Tables
-    kept: Tables
     label: str
-    name: str
+    has_motion: bool = True
+    law_table: Tables = field(default_factory=dict)
+    kept: Tables = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """Name of the folder of the results."""
+        return f"{self.scenario.name}_{law_of_file_name(self.label)}"
 
 
 def tuning_inputs(target: str, controller: str | None) -> TuningInputs:
@@ -271,15 +265,7 @@ def tuning_inputs(target: str, controller: str | None) -> TuningInputs:
                     " a team are written into it"
                 )
                 raise ValueError(f"scenario = {shown(target)}: {allowed}")
-            label = subject_of(scenario).label(scenario)
-            return TuningInputs(
-                scenario=scenario,
-                has_motion=True,
-                law_table={},
-                kept={},
-                label=label,
-                name=f"{scenario.name}_{label}",
-            )
+            return TuningInputs(scenario, subject_of(scenario).label(scenario))
         file = LIBRARY / f"{target}.toml" if target in names else Path(target)
         # nothing of a log
         document: Tables = (
@@ -302,15 +288,7 @@ def tuning_inputs(target: str, controller: str | None) -> TuningInputs:
     elif controller is not None:
         law_table = law_entry(controller)
     label = str(law_table.get("preset", law_table.get("law")))
-    name = f"{scenario.name}_{law_of_file_name(label)}"
-    return TuningInputs(
-        scenario=scenario,
-        has_motion=not of_a_vehicle,
-        law_table=law_table,
-        kept=gains,
-        label=label,
-        name=name,
-    )
+    return TuningInputs(scenario, label, not of_a_vehicle, law_table, gains)
 
 
 def _is_vehicle(target: str) -> bool:

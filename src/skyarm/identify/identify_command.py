@@ -18,9 +18,17 @@ from typing import Annotated, Any
 
 import typer
 
-from skyarm.cli.arguments import Force, name_completion, out_option, require_left_out
+from skyarm.cli.arguments import Force, name_completion, require_left_out
 from skyarm.cli.lines import NOT_COMPLETED, say
-from skyarm.cli.output import bar, give, json_text, plain, tell, tell_report
+from skyarm.cli.output import (
+    bar,
+    give,
+    json_text,
+    parameters_of,
+    plain,
+    tell,
+    tell_report,
+)
 from skyarm.flight_data.flight_data import split_path
 from skyarm.flight_data.own_log import is_own_mcap, require_one_vehicle
 from skyarm.identify.design import SEGMENT, DesignLimits
@@ -87,75 +95,25 @@ Gravity = Annotated[
 
 Out = Annotated[
     str | None,
-    out_option(
-        "folder for vehicle file and numbers; with lags or design a .toml file",
+    typer.Option(
+        "--out",
+        "-o",
         metavar="PATH",
+        help="folder for vehicle file and numbers; with lags or design a .toml file",
     ),
 ]
 
 
 def flights(
-    files: Annotated[
-        list[str],
-        typer.Argument(metavar="FLIGHT", help="logs of any format that skyarm reads"),
-    ],
-    vehicle: Annotated[
-        str | None,
-        typer.Option(
-            help=(
-                "required: file or name of the vehicle as data sheet and drawing"
-                " describe it"
-            )
-        ),
-    ] = None,
-    columns: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE", help="file that says what the columns of the flights mean"
-        ),
-    ] = None,
-    known: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=VALUE",
-            help=(
-                "known number: mass=0.034, voltage=4.2, or one of the printed table;"
-                " repeat"
-            ),
-        ),
-    ] = None,
-    curve: Annotated[
-        bool,
-        typer.Option(
-            "--curve", help="estimate a thrust curve in place of one coefficient"
-        ),
-    ] = False,
-    held_out: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="FLIGHT", help="flight that is predicted and not fitted; repeat"
-        ),
-    ] = None,
-    join: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE",
-            help="log of the same flight from a computer with another clock",
-        ),
-    ] = None,
-    despite_faults: Annotated[
-        bool,
-        typer.Option(
-            "--despite-faults",
-            help="only warn of faults in a log that would be refused",
-        ),
-    ] = False,
-    drag_height: Annotated[
-        bool,
-        typer.Option(
-            "--drag-height", help="estimate the height at which the hub drag acts"
-        ),
-    ] = False,
+    files: list[str],
+    vehicle: str | None = None,
+    columns: str | None = None,
+    known: list[str] | None = None,
+    curve: bool = False,
+    held_out: list[str] | None = None,
+    join: str | None = None,
+    despite_faults: bool = False,
+    drag_height: bool = False,
     begin: Moment = None,
     end: Moment = None,
     gravity: Gravity = None,
@@ -164,6 +122,19 @@ def flights(
     """Identify a vehicle from measured flights.
 
     Exit code 3: the flights do not tell.
+
+    Options:
+        files FLIGHT: logs of any format that skyarm reads
+        vehicle: required: file or name of the vehicle as data sheet and drawing
+            describe it
+        columns FILE: file that says what the columns of the flights mean
+        known NAME=VALUE: known number: mass=0.034, voltage=4.2, or one of the printed
+            table; repeat
+        curve: estimate a thrust curve in place of one coefficient
+        held_out FLIGHT: flight that is predicted and not fitted; repeat
+        join FILE: log of the same flight from a computer with another clock
+        despite_faults: only warn of faults in a log that would be refused
+        drag_height: estimate the height at which the hub drag acts
     """
     if join is not None and len(files) > 1:
         raise ValueError(f"flights = {len(files)}: must be one with --join")
@@ -248,15 +219,8 @@ def flights(
 
 
 def lags(
-    log: Annotated[
-        str, typer.Argument(metavar="LOG", help="log of one flight in skyarm")
-    ],
-    vehicle: Annotated[
-        str | None,
-        typer.Option(
-            help="name or file of a vehicle; if left out the model of the log's law"
-        ),
-    ] = None,
+    log: str,
+    vehicle: str | None = None,
     begin: Moment = None,
     end: Moment = None,
     gravity: Gravity = None,
@@ -266,6 +230,10 @@ def lags(
     """Find delays and lags of rotors and joints in one log.
 
     Exit code 3: the flight does not tell.
+
+    Options:
+        log LOG: log of one flight in skyarm
+        vehicle: name or file of a vehicle; if left out the model of the log's law
     """
     require_readable(log, "flight")
     require_file(log, f"flight = {shown(log)}")
@@ -321,14 +289,7 @@ def _limit(name: str) -> Any:
 
 
 def design(
-    model: Annotated[
-        str,
-        typer.Argument(
-            metavar="VEHICLE",
-            help="name or file of a vehicle",
-            autocompletion=name_completion("vehicle"),
-        ),
-    ],
+    model: Annotated[str, typer.Argument(autocompletion=name_completion("vehicle"))],
     box: Annotated[float, _limit("box")] = USUAL.box,
     tilt: Annotated[float, _limit("tilt")] = math.degrees(USUAL.tilt),
     seconds: Annotated[float, _limit("seconds")] = USUAL.seconds,
@@ -336,7 +297,11 @@ def design(
     out: Out = None,
     force: Force = False,
 ) -> None:
-    """Design a flight that identifies the parameters of a vehicle."""
+    """Design a flight that identifies the parameters of a vehicle.
+
+    Options:
+        model VEHICLE: name or file of a vehicle
+    """
     limits = DesignLimits(
         box=number(box, "--box", low=0.0, strict=True),
         tilt=math.radians(_within(tilt, "--tilt", FLATTEST, STEEPEST)),
@@ -371,8 +336,8 @@ SUBCOMMANDS: Mapping[str, Callable[..., None]] = {
 
 OPTIONS = {
     command: {
-        name: each.replace(kind=inspect.Parameter.KEYWORD_ONLY)
-        for name, each in inspect.signature(function, eval_str=True).parameters.items()
+        each.name: each.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+        for each in parameters_of(function)
         if each.default is not each.empty
     }
     for command, function in SUBCOMMANDS.items()
@@ -386,18 +351,12 @@ def _words_and_files(begun: str) -> list[str]:
 
 
 def identify(
-    context: typer.Context,
     files: Annotated[
         list[str] | None,
         typer.Argument(metavar="flights|lags|design", autocompletion=_words_and_files),
     ] = None,
-    only_lags: Annotated[
-        bool, typer.Option("--lags", help="as identify lags does")
-    ] = False,
-    designed: Annotated[
-        str | None,
-        typer.Option("--design", metavar="VEHICLE", help="as identify design does"),
-    ] = None,
+    only_lags: Annotated[bool, typer.Option("--lags")] = False,
+    designed: Annotated[str | None, typer.Option("--design")] = None,
     **options: Any,
 ) -> None:
     """Identify a vehicle, or delays and lags, from flights.
@@ -405,16 +364,18 @@ def identify(
     Without one of these words the options of all three are taken: FLIGHT... --vehicle
     START identifies a vehicle, one log alone or with --lags gives delays and lags,
     --design VEHICLE designs a flight.
+
+    Options:
+        only_lags: as identify lags does
+        designed VEHICLE: as identify design does
     """
     if designed is not None:
         if files:
             raise ValueError("FLIGHT: must be left out with --design")
-        require_left_out(
-            context, [*_beyond("flights", "design"), "--lags"], " with --design"
-        )
+        require_left_out([*_beyond("flights", "design"), "--lags"], " with --design")
         design(designed, **_of("design", options))
         return
-    require_left_out(context, _beyond("design", "flights"), " without --design")
+    require_left_out(_beyond("design", "flights"), " without --design")
     if not files:
         raise ValueError(
             "FLIGHT: is missing: must be one log or more, or --design VEHICLE"
@@ -424,7 +385,7 @@ def identify(
         options["vehicle"] is None and len(files) == 1 and _is_own_log(Path(files[0]))
     ):
         require_left_out(
-            context, _beyond("flights", "lags"), " without --vehicle, and with --lags"
+            _beyond("flights", "lags"), " without --vehicle, and with --lags"
         )
         if len(files) > 1:
             raise ValueError(f"flights = {len(files)}: must be one with --lags")

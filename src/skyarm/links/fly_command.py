@@ -36,41 +36,13 @@ from skyarm.view.pages import Facts
 
 def fly(
     scenario: ScenarioOrLog,
-    link: Annotated[
-        str,
-        typer.Option(
-            metavar="URL",
-            help=(
-                "the autopilot: mavlink://HOST:PORT waits; mavlink-out://HOST:PORT"
-                " calls; dds://DOMAIN"
-            ),
-        ),
-    ],
-    joints: Annotated[
-        str | None,
-        typer.Option(
-            metavar="URL",
-            help="joints: udp://HOST:PORT, dynamixel:DEVICE?ids=1,2 or FILE.py:make",
-        ),
-    ] = None,
+    link: Annotated[str, typer.Option()],
+    joints: str | None = None,
     laws: Law = None,
-    rate_bandwidth: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X,Y,Z",
-            help="bandwidth of the rate loop of an autopilot other than PX4, rad/s",
-        ),
-    ] = None,
-    world: Annotated[
-        str, typer.Option(help="here (begin at the vehicle), or local")
-    ] = "here",
-    leash: Annotated[
-        float,
-        typer.Option(help="distance from the reference at which the flight ends, m"),
-    ] = 1.5,
-    patience: Annotated[
-        float, typer.Option(help="longest wait for a vehicle that hovers, s")
-    ] = 60.0,
+    rate_bandwidth: str | None = None,
+    world: str = "here",
+    leash: float = 1.5,
+    patience: float = 60.0,
     duration: Duration = None,
     out: Out = "out/fly",
 ) -> None:
@@ -78,6 +50,16 @@ def fly(
 
     The vehicle must be armed and hover; at the end, and when anything is silent, it is
     asked to hold its place. Exit code 3 if it ended early.
+
+    Options:
+        link URL: the autopilot: mavlink://HOST:PORT waits; mavlink-out://HOST:PORT
+            calls; dds://DOMAIN
+        joints URL: joints: udp://HOST:PORT, dynamixel:DEVICE?ids=1,2 or FILE.py:make
+        rate_bandwidth X,Y,Z: bandwidth of the rate loop of an autopilot other than PX4,
+            rad/s
+        world: here (begin at the vehicle), or local
+        leash: distance from the reference at which the flight ends, m
+        patience: longest wait for a vehicle that hovers, s
     """
     require_not_another(scenario, "scenario")
     planned = load_scenario(scenario, controller=one_law(laws), duration=duration)

@@ -89,21 +89,24 @@ def log_of(content: Mapping[str, AnyArray], info: Plain) -> Log:
     if not isinstance(info, dict) or info.get("schema") != SCHEMA:
         raise ValueError(WORDS)
     axes = _axes(info)
-    if axes is None or sorted(content) != sorted([*names, *axes]):
+    if sorted(content) != sorted([*names, *axes]):
         raise ValueError(WORDS)
     count = np.shape(content["time"])
-    joints = np.shape(content["joints"])[1:]
-    rotors = np.shape(content["rotor_speeds"])[1:]
-    for name in names:
-        array, group = np.asarray(content[name]), COLUMNS.get(name, ("", ""))[1]
-        width = {"joints": joints, "rotors": rotors}.get(
-            group, (4,) if name == "quaternion" else (3,)
-        )
-        if name in SCALARS:
+    widths = {
+        "joints": np.shape(content["joints"])[1:],
+        "rotors": np.shape(content["rotor_speeds"])[1:],
+    }
+    for name, array in content.items():
+        if name in axes:
+            width = axes[name]
+        elif name in SCALARS:
             width = ()
         elif name in IF_ANY:
             # as many columns as the law or the flight has of them
             width = array.shape[1:2]
+        else:
+            group = COLUMNS.get(name, ("", ""))[1]
+            width = widths.get(group, (4,) if name == "quaternion" else (3,))
         if (
             len(count) != 1
             or array.shape != (*count, *width)
@@ -113,18 +116,9 @@ def log_of(content: Mapping[str, AnyArray], info: Plain) -> Log:
             or array.dtype != np.float64
         ):
             raise ValueError(WORDS)
-    arrays = dict(content)
-    for name, several in axes.items():
-        array = np.asarray(content[name])
-        if (
-            array.shape != (*count, *([len(several)] if several else []))
-            or array.dtype != np.float64
-        ):
-            raise ValueError(WORDS)
-        arrays[name] = array
     _require_description(info)
     return log_of_arrays(
-        arrays, {name: value for name, value in info.items() if name != LAYOUT}
+        content, {name: value for name, value in info.items() if name != LAYOUT}
     )
 
 
@@ -165,16 +159,18 @@ def _is_texts(value: object) -> bool:
     return isinstance(value, list) and all(isinstance(each, str) for each in value)
 
 
-def _axes(info: Info) -> dict[str, list[str] | None] | None:
-    """Column labels of each logged sensor and estimator array (None for scalars), or
-    None for a damaged file.
+def _axes(info: Info) -> dict[str, tuple[int, ...]]:
+    """Shape at one instant of each logged array of sensors, estimate and components.
+
+    Raises:
+        ValueError: a damaged file.
     """
     try:
         sources = sources_of(info)
     except ValueError:
-        return None
+        raise ValueError(WORDS) from None
     return {
-        f"{source}.{name}": each.axes
+        f"{source}.{name}": (len(each.axes),) if each.axes else ()
         for source, of in sources.items()
         for name, each in of.fields.items()
     }

@@ -242,11 +242,11 @@ class Log:
     @property
     def estimate(self) -> dict[str, Array]:
         """Estimator output by field, (N,) or (N, k), as the control law received it."""
-        names = (name.rpartition(".") for name in self.received)
+        begin = f"{ESTIMATE}."
         return {
-            last: self.received[f"{ESTIMATE}.{last}"]
-            for source, _, last in names
-            if source == ESTIMATE
+            name.removeprefix(begin): array
+            for name, array in self.received.items()
+            if name.startswith(begin)
         }
 
     @property

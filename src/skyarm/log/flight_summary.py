@@ -7,12 +7,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.log.flight_log import Log
-from skyarm.log.flown_scenario import restored_at, written_at
+from skyarm.log.flown_scenario import Info, restored_at, written_at
 from skyarm.log.log_columns import columns, component_labels
 from skyarm.log.metrics.metric_catalogue import TEAMS, metric_words
 from skyarm.log.metrics.path_distance import path_distance
@@ -42,6 +43,17 @@ WORLD = ("contacts", "mechanisms", "grasps")
 """Facts of the world, which the logs of all vehicles have: a summary of several
 vehicles says them once."""
 
+DESCRIPTION = (
+    "plant",
+    "integrator",
+    "seed",
+    "duration",
+    "end_time",
+    "status",
+    "cause",
+)
+"""Entries of a log's description in every summary, behind scenario and law."""
+
 MOST_NAMED = 3
 """Number of parameters changed in flight that are named."""
 
@@ -54,44 +66,18 @@ def facts(log: Log) -> Facts:
     # a summary of one vehicle has its numbers at the top, of several below each name:
     # files have both forms
     if len(log.agents) > 1:
-        common = (
-            "scenario",
-            "plant",
-            "integrator",
-            "seed",
-            "duration",
-            "end_time",
-            "status",
-            "cause",
-        )
         forces = {
             name: _grasp_force(log, i)
             for i, name in enumerate(component_labels(log, "grasp_force"))
         }
-        own = {name: facts(each) for name, each in log.agents.items()}
-        shared = {name: info[name] for name in common} | {
-            "cause": info["cause"] or None,
-            "agents": own,
-        }
         carried = _finite(score(log, [*TEAMS])) if "team_pull" in log.common else {}
-        return shared | {
-            name: each
-            for name, each in (("grasp_forces", forces), ("carried", carried))
-            if each
-        }
-    named = (
-        "scenario",
-        "controller",
-        "plant",
-        "integrator",
-        "seed",
-        "duration",
-        "end_time",
-        "status",
-        "cause",
-    )
-    values = {name: info[name] for name in named} | {"vehicle": info["plant_vehicle"]}
-    values["cause"] = values["cause"] or None
+        return (
+            _description(info, "scenario")
+            | {"agents": {name: facts(each) for name, each in log.agents.items()}}
+            | _filled(grasp_forces=forces, carried=carried)
+        )
+    values = _description(info, "scenario", "controller")
+    values["vehicle"] = info["plant_vehicle"]
     if "autopilot" in info:
         values["autopilot"] = info["autopilot"]
     # before take-off there is no reference, so errors would mean nothing
@@ -120,17 +106,10 @@ def facts(log: Log) -> Facts:
         | asdict(log.shortfall)
     )
     # a law before or behind a change may estimate none
-    found = log.lag_found
-    if found.size and (known := np.flatnonzero(np.isfinite(found).all(axis=1))).size:
-        values["lag_found_s"] = found[known[-1]]
-    values |= {
-        name: rows
-        for name, rows in (
-            ("contacts", _contacts(log)),
-            ("mechanisms", _mechanisms(log)),
-        )
-        if rows
-    }
+    found = log.lag_found[np.isfinite(log.lag_found).all(axis=1)]
+    if found.size:
+        values["lag_found_s"] = found[-1]
+    values |= _filled(contacts=_contacts(log), mechanisms=_mechanisms(log))
     if log.component("gripper_taken").size:
         values["grasps"] = [asdict(each) for each in log.grasp_periods]
     if log.phase.size:
@@ -151,6 +130,17 @@ def facts(log: Log) -> Facts:
             what: summary(distance) for what, distance in distances.items()
         }
     return values
+
+
+def _description(info: Info, *first: str) -> Facts:
+    """First entries of a summary, from a log's description."""
+    values = {name: info[name] for name in (*first, *DESCRIPTION)}
+    return values | {"cause": info["cause"] or None}
+
+
+def _filled(**facts: Any) -> Facts:
+    """Facts by name, without those that are empty."""
+    return {name: each for name, each in facts.items() if each}
 
 
 def _finite(scores: Mapping[str, float]) -> dict[str, float | None]:
@@ -291,11 +281,9 @@ def summary(log: Log, values: Facts) -> list[Line]:
             (name, *(shown_number(each, 4) for each in force.values()))
             for name, force in values.get("grasp_forces", {}).items()
         ]
-        lines += (
-            [table_of(("force in a grasp, N", "mean", "max", "at the end"), rows)]
-            if rows
-            else []
-        )
+        if rows:
+            head = ("force in a grasp, N", "mean", "max", "at the end")
+            lines.append(table_of(head, rows))
         rows = [
             (
                 ", ".join(filter(None, metric_words(name))),

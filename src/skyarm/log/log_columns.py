@@ -200,12 +200,7 @@ def columns(log: FlightArrays) -> tuple[LogColumn, ...]:
             listed.append(
                 LogColumn(name, own, unit.meaning, array, index if width else None)
             )
-    listed += _sensor_columns(log, names)
-    # two joints may have one name in lower case
-    unique = distinct([each.name for each in listed])
-    return tuple(
-        replace(each, name=name) for name, each in zip(unique, listed, strict=True)
-    )
+    return _uniquely_named([*listed, *_sensor_columns(log, names)])
 
 
 def _columns_of_team(log: FlightArrays) -> tuple[LogColumn, ...]:
@@ -228,10 +223,16 @@ def _columns_of_team(log: FlightArrays) -> tuple[LogColumn, ...]:
             elif each.array in arrays:
                 shared[each.name] = each
     # time first, as in a log of one vehicle
-    every = [shared.pop("time"), *listed, *shared.values()]
-    unique = distinct([each.name for each in every])
+    return _uniquely_named([shared.pop("time"), *listed, *shared.values()])
+
+
+def _uniquely_named(listed: list[LogColumn]) -> tuple[LogColumn, ...]:
+    """Columns with a number behind a repeated name: two joints may have one name in
+    lower case.
+    """
+    unique = distinct([each.name for each in listed])
     return tuple(
-        replace(each, name=name) for name, each in zip(unique, every, strict=True)
+        replace(each, name=name) for name, each in zip(unique, listed, strict=True)
     )
 
 

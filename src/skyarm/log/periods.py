@@ -65,16 +65,14 @@ def contact_periods(log: FlightArrays) -> tuple[ContactPeriod, ...]:
     for (surface, point), force in pairs:
         for begin, end in runs_of(force > 0.0):
             inside = force[begin:end]
-            peak, mean = float(inside.max()), float(inside.mean())
-            start, stop = float(log.time[begin]), _time(log, end)
             touches.append(
                 ContactPeriod(
                     surface=surface,
                     point=point,
-                    start=start,
-                    end=stop,
-                    peak=peak,
-                    mean=mean,
+                    start=float(log.time[begin]),
+                    end=_time(log, end),
+                    peak=float(inside.max()),
+                    mean=float(inside.mean()),
                 )
             )
     return tuple(sorted(touches, key=lambda each: each.start))

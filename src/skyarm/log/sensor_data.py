@@ -146,17 +146,13 @@ def _has_valid_types(source: Source) -> bool:
     counts = all(
         type(each) is int and each >= 0 for each in (source.every - 1, source.late)
     )
-    texts = [each.unit for each in source.fields.values()] + [
-        each.meaning for each in source.fields.values()
-    ]
-    lists = [
-        each for field in source.fields.values() for each in (field.axes, field.units)
-    ]
+    fields = source.fields.values()
+    lists = [each.axes for each in fields] + [each.units for each in fields]
     axes = [each for each in lists if each is not None]
     filled = all(isinstance(each, list) and each for each in axes)
-    texts += [axis for each in axes for axis in each] + (
-        [] if source.frame is None else [source.frame]
-    )
+    texts = [] if source.frame is None else [source.frame]
+    texts += [text for each in fields for text in (each.unit, each.meaning)]
+    texts += [axis for each in axes for axis in each]
     # a place is written as six floats; other types belong to a damaged description
     mount = source.mount is None or [type(each) for each in source.mount] == [float] * 6
     return counts and filled and mount and all(isinstance(each, str) for each in texts)

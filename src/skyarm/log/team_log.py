@@ -40,12 +40,12 @@ class TeamLog(Log):
     """
 
     def __init__(self, agents: Mapping[str, Log], info: Info) -> None:
-        object.__setattr__(
-            self, "_agents", Members(tuple(agents), tuple(agents.values()))
+        self.__dict__.update(
+            _agents=Members(tuple(agents), tuple(agents.values())),
+            info=info,
+            # all vehicles are flown at the same instants
+            time=next(iter(agents.values())).time,
         )
-        object.__setattr__(self, "info", info)
-        # all vehicles are flown at the same instants
-        object.__setattr__(self, "time", next(iter(agents.values())).time)
 
     def __repr__(self) -> str:
         said = (

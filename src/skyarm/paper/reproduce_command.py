@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-import typer
-
 from skyarm.cli.arguments import Flying, On, Out, workers
 from skyarm.cli.output import bar, give, tell
 from skyarm.records.files import must_be_one_of
@@ -13,7 +9,7 @@ from skyarm.records.files import must_be_one_of
 
 def reproduce(
     out: Out = "out/paper",
-    plant: Annotated[str, typer.Option(help="rigid_body, mujoco or both")] = "both",
+    plant: str = "both",
     flying: Flying = 0,
     on: On = None,
 ) -> None:
@@ -22,6 +18,9 @@ def reproduce(
     Five experiments with two controllers on two plants, and the variations behind the
     reasons: results.json, table2.md, Figures 3-18 and report.html. The same command
     continues what was interrupted (extra: sweep).
+
+    Options:
+        plant: rigid_body, mujoco or both
     """
     # imported in the call, so that other commands start without them
     from skyarm.paper.reproduce import prepare_folder

@@ -133,14 +133,12 @@ def vector(field: str, value: object) -> Vec3:
 
 def matrix(field: str, value: object) -> Mat3:
     """Convert three rows of three numbers to a 3 x 3 matrix."""
-    if isinstance(value, Mat3):
-        return Mat3(*(vector(field, row) for row in value.rows))
-    return Mat3(
-        *(
-            vector(field, row)
-            for row in items(field, value, (3,), "must be three rows of three numbers")
-        )
+    rows = (
+        value.rows
+        if isinstance(value, Mat3)
+        else items(field, value, (3,), "must be three rows of three numbers")
     )
+    return Mat3(*(vector(field, row) for row in rows))
 
 
 def inertia(field: str, value: object) -> Sym3:

@@ -11,6 +11,7 @@ from enum import Enum
 from types import ModuleType
 from typing import Any, Protocol, TypeAlias
 
+from skyarm.records.files.user_code import closed_over
 from skyarm.records.immutable import UNWRITTEN, declarations, memoize
 from skyarm.records.leaves import field_names
 from skyarm.records.members import SOLE, alone
@@ -38,7 +39,8 @@ def plain(value: object) -> Any:
     A record becomes a table of its fields with its class, by module and name, under
     ``type``. Functions, arrays, enums and tables that have a ``type`` of their own are
     tables with a type, too. Infinities and NaN become text, and texts that look like
-    them tables. Integers stay integers: they are structure.
+    them tables. Integers stay integers: they are structure. An object of this library
+    that is no record, such as an environment, is its type alone.
     """
     return _plain(value, ())
 
@@ -123,7 +125,9 @@ def dotted_name(named: type | Named) -> str:
 
 
 def fields_of(value: object) -> list[tuple[str, object]]:
-    """Names and values of an object's fields."""
+    """Names and values of an object's fields; none of an object of this library that is
+    no record.
+    """
     names = field_names(type(value))
     if names is not None:
         fields = [(name, getattr(value, name)) for name in names]
@@ -140,6 +144,10 @@ def fields_of(value: object) -> list[tuple[str, object]]:
             for n, each in fields
             if n not in unwritten or (each and each != unwritten[n])
         ]
+    # an environment in a closure holds traced programs, whose nodes lead to each other
+    # in more ways than can be walked
+    if type(value).__module__.startswith("skyarm."):
+        return []
     slots = [
         name for kind in type(value).__mro__ for name in getattr(kind, "__slots__", ())
     ]
@@ -176,9 +184,8 @@ def _bound(function: object) -> list[object]:
     it in a digest.
     """
     owner = getattr(function, "__self__", None)
-    cells = getattr(function, "__closure__", None) or ()
     # the owner of a built-in function is its module, which distinguishes nothing
     return [
         *([] if owner is None or isinstance(owner, ModuleType) else [owner]),
-        *(c.cell_contents for c in cells),
+        *closed_over(function),
     ]

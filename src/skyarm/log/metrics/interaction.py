@@ -126,11 +126,8 @@ class PushTotals(Metric):
 
 def _tangential_error(now: MetricInstant, normal: Scalars) -> Scalar:
     """Distance of the tip from its reference parallel to the nominal surface, m."""
-    away = now.tool - now.held.tool
-    along = away.x * normal[0] + away.y * normal[1] + away.z * normal[2]
-    return type(away)(
-        *(a - along * n for a, n in zip(away, normal, strict=True))
-    ).norm()
+    away, across = now.tool - now.held.tool, Vec3(*normal)
+    return (away - across * away.dot(across)).norm()
 
 
 @immutable
@@ -305,40 +302,6 @@ SHARED = frozenset(
     )
 )
 """Quantities of the world, which are the same for all vehicles of a flight."""
-
-COUNTED: Mapping[str, tuple[str, str, str, str]] = {
-    "contact_last": ("last", "contact", "contact force at the end of the flight", "N"),
-    "contact_largest": ("largest", "contact", "largest contact force", "N"),
-    "collision_force": (
-        "largest",
-        "collision",
-        "largest normal force of two bodies",
-        "N",
-    ),
-    **{
-        f"object_last_{a}": (
-            "last",
-            f"object_{a}",
-            f"{a} of the first object at the end",
-            "m",
-        )
-        for a in "xyz"
-    },
-    "mechanism_last": (
-        "last",
-        "mechanism",
-        "position of the first mechanism at the end, rad or m",
-        "",
-    ),
-    "mechanism_furthest": (
-        "largest",
-        "mechanism",
-        "largest position of the first mechanism, rad or m",
-        "",
-    ),
-    "tip_lowest": ("lowest", "tip_height", "lowest height of the tip", "m"),
-}
-"""Metric -> its form, quantity, description and unit."""
 
 
 def _share(total: Scalar, count: Scalar) -> AnyArray:

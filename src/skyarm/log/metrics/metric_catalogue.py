@@ -24,7 +24,7 @@ from dataclasses import field, replace
 import numpy as np
 
 from skyarm.log.metrics.accumulate import ADDED, CONTINUOUS, HUGE, Total, added_metric
-from skyarm.log.metrics.interaction import COUNTED, SHARED, TOTALED
+from skyarm.log.metrics.interaction import SHARED, TOTALED
 from skyarm.log.metrics.metric import Metric
 from skyarm.log.team_log import WITHIN
 from skyarm.records import coerce
@@ -80,29 +80,11 @@ FORMS: Mapping[str, tuple[tuple[str, ...], Callable[..., AnyArray]]] = {
 value; ``root`` is the RMS of a squared quantity."""
 
 
-def _measure(
-    form: str, window: str, quantity: str, words: str = "", unit: str = ""
-) -> Measure:
+def _measure(form: str, window: str, quantity: str, words: str, unit: str) -> Measure:
     kinds, value = FORMS[form]
     return Measure(
         tuple((kind, window, quantity) for kind in kinds), window, value, words, unit
     )
-
-
-def _tracking(prefix: str, window: str, ending: str = "") -> dict[str, Measure]:
-    measures = {}
-    for name, what, unit in (
-        ("position", "position", "m"),
-        ("joint", "joint", "rad"),
-        ("ee", "tip", "m"),
-    ):
-        measures[f"{prefix}{name}_error_mean"] = _measure(
-            "mean", window, name, f"mean {what} error{ending}", unit
-        )
-        measures[f"{prefix}{name}_error_max"] = _measure(
-            "max", window, name, f"largest {what} error{ending}", unit
-        )
-    return measures
 
 
 _TABLES = shipped_tables(__file__)
@@ -112,9 +94,7 @@ def _rows(table: str) -> dict[str, Measure]:
     return {name: _measure(*row) for name, row in _TABLES[table].items()}
 
 
-TRACKING = _tracking("", "steady") | _rows("tracking")
-
-GUST = _tracking("gust_", "gust", " in the gust") | _rows("gust")
+GUST = _rows("gust")
 
 PAPER = _rows("paper")
 
@@ -131,7 +111,7 @@ INTERACTION = {
     )
     for name, (totals, value, words, unit) in TOTALED.items()
     # value=value binds each row's function, which a closure over the loop would not
-} | {name: _measure(form, "whole", *rest) for name, (form, *rest) in COUNTED.items()}
+} | _rows("counted")
 """Metrics of contact with the world, which a flight without contact lacks."""
 
 GRASPS = _rows("grasps")
@@ -140,7 +120,8 @@ GRASPS = _rows("grasps")
 TEAMS = _rows("teams")
 """Metrics of the body that a team carries."""
 
-REFERRED = TRACKING | GUST | PAPER
+REFERRED = _rows("tracking") | GUST | PAPER
+"""Metrics against the reference, which exist twice."""
 
 STANDARD = (
     "position_error_mean",
@@ -275,6 +256,8 @@ def metric_names(
     every = measures(joints)
     expanded: list[str] = []
     without = [f"tau{i + 1}_rms" for i, each in enumerate(setpoints) if each]
+    torques = [f"tau{i + 1}_rms" for i in range(joints)]
+    torques = [name for name in torques if name not in without]
     for word in words:
         group = word.removesuffix(CONTINUOUS) if isinstance(word, str) else ""
         if word in without:
@@ -285,15 +268,10 @@ def metric_names(
             )
         if isinstance(word, str) and word in every:
             expanded.append(word)
-        elif word == EFFORTS:
-            expanded += [
-                name for name in _written_out(word, joints) if name not in without
-            ]
-        elif group in GROUPS:
+        elif word == EFFORTS or group in GROUPS:
             listed = list[str]()
-            for one in GROUPS[group]:
-                listed += _written_out(one, joints)
-            listed = [name for name in listed if name not in without]
+            for one in GROUPS.get(group, (EFFORTS,)):
+                listed += torques if one == EFFORTS else [one]
             twins = [f"{name}{CONTINUOUS}" for name in listed if name in REFERRED]
             expanded += listed if group == word else twins
         else:
@@ -390,10 +368,6 @@ def catalogue_names(names: Iterable[str]) -> set[str]:
 def is_torque(name: str) -> bool:
     """True for the name of a joint's torque, with or without that of a vehicle."""
     return name.rpartition(WITHIN)[2].startswith("tau")
-
-
-def _written_out(name: str, joints: int) -> list[str]:
-    return [f"tau{i + 1}_rms" for i in range(joints)] if name == EFFORTS else [name]
 
 
 def required_totals(names: Sequence[str], joints: int) -> tuple[Total, ...]:

@@ -216,12 +216,13 @@ def require_kind(document: object, expected: str) -> None:
     """
     stated = kind_of(document) if isinstance(document, Mapping) else ""
     if stated and stated != expected:
-        a, b = (
-            kind if kind != "gains" else "file of gains" for kind in (expected, stated)
+        required, given = (
+            "file of gains" if kind == "gains" else f"{kind} file"
+            for kind in (expected, stated)
         )
-        a, b = (each if each.startswith("file") else f"{each} file" for each in (a, b))
         raise ValueError(
-            f"{expected}: must be a {a}, and this is a {b}, for '{READS[stated]}'"
+            f"{expected}: must be a {required}, and this is a {given}, for"
+            f" '{READS[stated]}'"
         )
 
 
