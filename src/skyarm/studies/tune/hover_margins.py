@@ -13,16 +13,14 @@ from dataclasses import replace
 import numpy as np
 
 from skyarm.compile.machine_code import missing_extra
-from skyarm.control.controller import Controller
 from skyarm.records.arrays import Array
-from skyarm.records.leaves import replace_at
 from skyarm.scenario.scenario_record import Scenario, with_words
 from skyarm.simulate.loop_state import LoopState
 from skyarm.studies.stability.closed_loop import OpenLoop, radius
 from skyarm.studies.stability.flight_margins import LinearisedInstant, SettledHover
 from skyarm.studies.stability.frozen_scenario import LAGS
 from skyarm.studies.tune.front import LoopMargins, Required
-from skyarm.studies.tune.law_knobs import GainKnob, numbers_at
+from skyarm.studies.tune.law_knobs import GainKnob
 
 try:
     from threadpoolctl import threadpool_limits
@@ -70,15 +68,6 @@ def required_margins(scenario: Scenario) -> Required:
     return Required(
         delay=max(DELAY_SHARE * nominal, PERIODS / scenario.rates.control), gain=GAIN
     )
-
-
-def with_gains(
-    controller: Controller, knobs: Sequence[GainKnob], logs: Sequence[float]
-) -> Controller:
-    """Controller with the parameters of each tunable gain multiplied by the gain's
-    factor.
-    """
-    return replace(controller, par=replace_at(controller.par, numbers_at(knobs, logs)))
 
 
 def calm(flight: Scenario) -> Scenario:

@@ -21,6 +21,7 @@ import re
 import typing
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -273,12 +274,14 @@ def with_catalogue_gains(
     """
     catalogue = _catalogue_gains(flight, knobs)
     names = [name for name in (label, *catalogue) if name in catalogue]
+    known = {name: catalogue[name] for name in names}
+    return centre(knobs, known, partial(with_constants, flight))
 
-    def replace_gains(numbers: Mapping[Place, float]) -> Scenario:
-        law = flight.agent.controller
-        return flight.with_controller(replace(law, par=replace_at(law.par, numbers)))
 
-    return centre(knobs, {name: catalogue[name] for name in names}, replace_gains)
+def with_constants(scenario: Scenario, numbers: Mapping[Place, float]) -> Scenario:
+    """Scenario with other numbers of its law, by their places among its constants."""
+    law = scenario.agent.controller
+    return scenario.with_controller(replace(law, par=replace_at(law.par, numbers)))
 
 
 def centre(
