@@ -417,19 +417,11 @@ def _refine(response: Response, grid: Array) -> tuple[Array, Complex]:
     T = response.at(grid)
     if not T.size:
         return grid, T
-    more = []
-    for k in sorted(
-        {
-            int(k)
-            for k in np.argmax(np.abs(np.diagonal(T, axis1=1, axis2=2) + 0.5), axis=0)
-        }
-    ):
-        low = grid[max(k - 1, 0)]
-        high = grid[min(k + 1, len(grid) - 1)]
-        more.append(np.linspace(low, high, 2 * BETWEEN + 1)[1:-1])
-    added = np.setdiff1d(np.concatenate(more), grid)
-    order = np.argsort(np.concatenate([grid, added]))
-    return (
-        np.concatenate([grid, added])[order],
-        np.concatenate([T, response.at(added)])[order],
-    )
+    critical = np.argmax(np.abs(np.diagonal(T, axis1=1, axis2=2) + 0.5), axis=0)
+    low = grid[np.maximum(critical - 1, 0)]
+    high = grid[np.minimum(critical + 1, len(grid) - 1)]
+    # channels of one critical frequency share those around it
+    added = np.setdiff1d(np.linspace(low, high, 2 * BETWEEN + 1)[1:-1], grid)
+    every = np.concatenate([grid, added])
+    order = np.argsort(every)
+    return every[order], np.concatenate([T, response.at(added)])[order]

@@ -186,20 +186,16 @@ def evidence(
     flights = [(True, hovering(nominal(scenario)), 1)]
     if instants:
         flights.append((False, nominal(scenario), instants))
-    total = sum(count for _, _, count in flights)
-
-    def report(done: int) -> None:
-        if progress is not None:
-            progress(done, total)
-
+    total = 1 + instants
+    report = progress or (lambda *_: None)
     linearised: list[LinearisedInstant] = []
-    report(0)
+    report(0, total)
     for hover, flight, count in flights:
         for frozen in frozen_instants(flight, count):
             linearised.append(
                 instant_at(frozen.open_loop, hover=hover, time=frozen.time)
             )
-            report(len(linearised))
+            report(len(linearised), total)
     return Evidence(
         controller=scenario.agent.controller.name,
         scenario=scenario.name,

@@ -146,9 +146,8 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
     title = top.text("title", "")
     check_name(name)
     design = top.choice("design", DESIGNS, "random")
-    vary = _vary(top.take("vary", {}), design)
+    vary = _vary(top.take("vary", {}), design, top.states("episodes"))
     derived = derived_from(top.take("derived", {}), tuple(vary))
-    _require_grid_design(top)
     seed = top.take("seed", 0)
     noise_key("seed", seed)
     chosen = {
@@ -208,7 +207,10 @@ def _whole(at: str, value: object, most: int) -> int:
     return value
 
 
-def _vary(table: object, design: str) -> dict[str, Distribution]:
+def _vary(table: object, design: str, counted: bool) -> dict[str, Distribution]:
+    """Distributions of the varied numbers by path; ``counted`` if the file states a
+    number of episodes.
+    """
     fields = Fields(table, "vary")
     vary = {
         path: distribution_from(value, f'vary."{path}"')
@@ -222,25 +224,13 @@ def _vary(table: object, design: str) -> dict[str, Distribution]:
         raise ValueError(
             f"design = {design!r}: must come with a grid or a list under vary"
         )
+    for path, value in fields.table.items():
+        if "grid" in value and design != "grid" and not counted:
+            raise ValueError(
+                f'vary."{path}" = {shown(value)}: must come with design = "grid", or'
+                " with a number of episodes"
+            )
     return vary
-
-
-def _require_grid_design(top: Fields) -> None:
-    """Refuse a grid of values if neither the grid design nor a number of episodes is
-    given.
-    """
-    paths = (
-        [path for path, value in top.table["vary"].items() if "grid" in value]
-        if "vary" in top.table
-        else []
-    )
-    if not paths or top.table.get("design", "random") == "grid":
-        return
-    at = f'vary."{paths[0]}" = {shown(top.table["vary"][paths[0]])}'
-    if "episodes" not in top.table:
-        raise ValueError(
-            f'{at}: must come with design = "grid", or with a number of episodes'
-        )
 
 
 def _episodes(top: Fields, design: str, vary: Mapping[str, Distribution]) -> int:

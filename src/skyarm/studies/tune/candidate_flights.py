@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from skyarm.log.metrics.metric_catalogue import catalogue_names
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.records.arrays import AnyArray, Array, IntArray, Mask, doubles
 from skyarm.records.immutable import immutable, positional
@@ -25,8 +26,9 @@ LARGEST_TILT = math.radians(80.0)
 LOST = 100.0
 """Error (m) assigned to a lost flight."""
 
-LIMITED = "rotor_saturation"
-"""Metric of control periods with a rotor at its limit."""
+LIMITED, JITTER, TILT = "rotor_saturation", "rotor_jitter", "tilt_max"
+"""Metrics: fraction of control periods with a rotor at its limit; RMS change of a rotor
+command per period, rad/s; largest tilt, rad."""
 
 OWN = len(KINDS)
 """Index of the kind of motion that is the scenario's own."""
@@ -185,7 +187,7 @@ class CandidateFlights:
             _error(window, each) for window in self._windows for each in self._errors
         ]
         metrics += [LIMITED] if saturation else []
-        return (*metrics, "rotor_jitter", "tilt_max", *self._efforts)
+        return (*metrics, JITTER, TILT, *self._efforts)
 
     def fly(
         self,
@@ -270,39 +272,49 @@ class CandidateFlights:
         self, completed: Mask, table: Callable[[str], Array], kinds: IntArray
     ) -> CandidateResults:
         """Errors and control effort from the metrics (candidates, plants)."""
+
+        def largest(name: str) -> Array:
+            """Metric of the vehicle that has the largest."""
+            own = [
+                each for each in self._work.metrics if catalogue_names([each]) == {name}
+            ]
+            found: Array = np.max([table(each) for each in own], axis=0)
+            return found
+
         # not ">=": a tilt that is no number is of a lost flight
-        lost = ~completed | ~(table("tilt_max") < LARGEST_TILT)
-        parts = [
-            {name: table(_error(window, name)) for name in self._errors}
-            for window in self._windows
-        ]
-        product = np.ones(lost.shape)
-        for part in parts:
-            product = product * self._tracking_error(part)
-        base = parts[0]["position"]
-        squares = [table(name) ** 2 for name in self._efforts]
-        measured = LIMITED in self._work.metrics
+        lost = ~completed | ~(largest(TILT) < LARGEST_TILT)
+        measured = LIMITED in catalogue_names(self._work.metrics)
         return CandidateResults(
-            # geometric mean of the windows, in which their ratios count alike
-            error=penalize(product ** (1.0 / len(parts)), lost),
-            tip=penalize(parts[0].get("ee", base), lost),
+            **self._errors_of(table, lost),
             # what is missing counts as much as a lost flight
-            base=penalize(base, lost),
-            pull=np.zeros(lost.shape),
-            jitter=np.nan_to_num(table("rotor_jitter"), nan=LOST, posinf=LOST),
-            effort=(
-                np.nan_to_num(np.sqrt(sum(squares)), nan=LOST)
-                if squares
-                else np.zeros(lost.shape)
-            ),
+            jitter=np.nan_to_num(largest(JITTER), nan=LOST, posinf=LOST),
             lost=lost,
             saturated=(
-                np.nan_to_num(table(LIMITED), nan=1.0)
+                np.nan_to_num(largest(LIMITED), nan=1.0)
                 if measured
                 else np.full(lost.shape, np.nan)
             ),
             kinds=kinds,
         )
+
+    def _errors_of(self, table: Callable[[str], Array], lost: Mask) -> dict[str, Array]:
+        """Errors, pull and effort of the results (candidates, plants), by name."""
+        parts = [
+            {name: table(_error(window, name)) for name in self._errors}
+            for window in self._windows
+        ]
+        product = np.prod([self._tracking_error(part) for part in parts], axis=0)
+        base = parts[0]["position"]
+        none = np.zeros(lost.shape)
+        squares = sum((table(name) ** 2 for name in self._efforts), none)
+        return {
+            # geometric mean of the windows, in which their ratios count alike
+            "error": penalize(product ** (1.0 / len(parts)), lost),
+            "tip": penalize(parts[0].get("ee", base), lost),
+            "base": penalize(base, lost),
+            "pull": none,
+            "effort": np.nan_to_num(np.sqrt(squares), nan=LOST),
+        }
 
     def _tracking_error(self, errors: Mapping[str, Array]) -> Array:
         """Mean error of the tracked quantity in one time window."""
@@ -397,6 +409,15 @@ class Scores:
         """Scores of a subset of the gain candidates."""
         return Scores(**{name: values[which] for name, values in parts(self).items()})
 
+    def numbers(self, i: int, *names: str) -> dict[str, float]:
+        """Some scores of one set of gains by their names."""
+        return {name: float(getattr(self, name)[i]) for name in names}
+
+    @property
+    def activity(self) -> Array:
+        """Control activity of each candidate: ln(rotor jitter) + ln(joint effort)."""
+        return activity(self.jitter, self.effort)
+
     def cost(self, weight: float) -> Array:
         """Cost of gain candidates: ln error + weight (ln jitter + ln effort) +
         penalties for crashes and margins.
@@ -404,15 +425,22 @@ class Scores:
         Logarithms make every ratio of improvement count alike, whatever the vehicle's
         size.
         """
-        active = np.log(self.jitter + SMALLEST) + np.where(
-            self.effort > 0.0, np.log(self.effort + SMALLEST), 0.0
-        )
         return (
             np.log(self.error + SMALLEST)
-            + weight * active
+            + weight * self.activity
             + LOSS * self.lost
             + self.short
         )
+
+
+def activity(jitter: Array | float, effort: Array | float) -> Array:
+    """Control activity ln(rotor jitter) + ln(joint effort), elementwise; the effort is
+    left out if zero.
+    """
+    efforts = doubles(effort)
+    return np.log(jitter + SMALLEST) + np.where(
+        efforts > 0.0, np.log(efforts + SMALLEST), 0.0
+    )
 
 
 def scores(flown: CandidateResults) -> Scores:
