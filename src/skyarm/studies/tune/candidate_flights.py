@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from skyarm.log.metrics.metric_catalogue import catalogue_names
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.records.arrays import AnyArray, Array, IntArray, Mask, doubles
 from skyarm.records.immutable import immutable, positional
@@ -17,6 +16,7 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.perturbed_plants import arm_length, hardest
 from skyarm.studies.flights import Rows, Work, WorkRunner
+from skyarm.studies.trial.table import values_of
 from skyarm.studies.tune.excitation import KINDS, Plants
 from skyarm.studies.tune.law_knobs import GainKnob
 
@@ -262,51 +262,38 @@ class CandidateFlights:
                 count, plants.count
             )
 
-        def table(name: str) -> Array:
-            # a flight that ended before the window has NaN there
-            return doubles(column(name))
-
-        return self._outcome(column("status") == "completed", table, plants.kinds)
-
-    def _outcome(
-        self, completed: Mask, table: Callable[[str], Array], kinds: IntArray
-    ) -> CandidateResults:
-        """Errors and control effort from the metrics (candidates, plants)."""
-
-        def largest(name: str) -> Array:
-            """Metric of the vehicle that has the largest."""
-            own = [
-                each for each in self._work.metrics if catalogue_names([each]) == {name}
-            ]
-            found: Array = np.max([table(each) for each in own], axis=0)
-            return found
-
+        # a flight that ended before the window has NaN there
+        metrics = {name: doubles(column(name)) for name in self._work.metrics}
+        # of several vehicles the largest counts
+        tilt, jitter = (
+            np.max(values_of(metrics, name), axis=0) for name in (TILT, JITTER)
+        )
+        limited = values_of(metrics, LIMITED)
         # not ">=": a tilt that is no number is of a lost flight
-        lost = ~completed | ~(largest(TILT) < LARGEST_TILT)
-        measured = LIMITED in catalogue_names(self._work.metrics)
+        lost = (column("status") != "completed") | ~(tilt < LARGEST_TILT)
         return CandidateResults(
-            **self._errors_of(table, lost),
+            **self._errors_of(metrics, lost),
             # what is missing counts as much as a lost flight
-            jitter=np.nan_to_num(largest(JITTER), nan=LOST, posinf=LOST),
+            jitter=np.nan_to_num(jitter, nan=LOST, posinf=LOST),
             lost=lost,
             saturated=(
-                np.nan_to_num(largest(LIMITED), nan=1.0)
-                if measured
+                np.nan_to_num(np.max(limited, axis=0), nan=1.0)
+                if limited
                 else np.full(lost.shape, np.nan)
             ),
-            kinds=kinds,
+            kinds=plants.kinds,
         )
 
-    def _errors_of(self, table: Callable[[str], Array], lost: Mask) -> dict[str, Array]:
+    def _errors_of(self, metrics: Mapping[str, Array], lost: Mask) -> dict[str, Array]:
         """Errors, pull and effort of the results (candidates, plants), by name."""
         parts = [
-            {name: table(_error(window, name)) for name in self._errors}
+            {name: metrics[_error(window, name)] for name in self._errors}
             for window in self._windows
         ]
         product = np.prod([self._tracking_error(part) for part in parts], axis=0)
         base = parts[0]["position"]
         none = np.zeros(lost.shape)
-        squares = sum((table(name) ** 2 for name in self._efforts), none)
+        squares = sum((metrics[name] ** 2 for name in self._efforts), none)
         return {
             # geometric mean of the windows, in which their ratios count alike
             "error": penalize(product ** (1.0 / len(parts)), lost),

@@ -14,7 +14,7 @@ counts by its ratio of improvement. A team has no margins.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import fields, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
@@ -222,8 +222,8 @@ class TeamCandidates(CandidateFlights):
     def _metrics(self, scenario: Scenario, saturation: bool) -> tuple[str, ...]:
         return row_names((POSITION, PULL, JITTER, LIMITED, TILT), scenario.setpoints)
 
-    def _errors_of(self, table: Callable[[str], Array], lost: Mask) -> dict[str, Array]:
-        position, pull = (penalize(table(name), lost) for name in (POSITION, PULL))
+    def _errors_of(self, metrics: Mapping[str, Array], lost: Mask) -> dict[str, Array]:
+        position, pull = (penalize(metrics[name], lost) for name in (POSITION, PULL))
         return {
             "error": np.sqrt(position * pull),
             "tip": position,
