@@ -218,11 +218,12 @@ def check(
         ValueError: one line: what cannot be read, or an argument outside of what is
             allowed.
     """
-    file = "" if isinstance(what, (Vehicle, Scenario)) else str(what)
+    file = ""
     if not isinstance(what, (Vehicle, Scenario)):
+        file = str(what)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", WithoutEffectWarning)  # a finding below
-            what = load_scenario(what) if is_scenario(str(what)) else load_vehicle(what)
+            what = load_scenario(what) if is_scenario(file) else load_vehicle(what)
     # the flights are hovers of one vehicle without its world
     if flights and (isinstance(what, Vehicle) or what.is_team):
         raise ValueError(

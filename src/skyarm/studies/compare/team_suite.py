@@ -95,10 +95,7 @@ def without_noise(document: Record) -> Document:
         if not key.endswith("_noise") and key != "pose_age"
     }
     agents = {name: without_words(table) for name, table in document["agents"].items()}
-    return {
-        key: {"agents": agents, "team": team}.get(key, entry)
-        for key, entry in without_words(document).items()
-    }
+    return without_words(document) | {"agents": agents, "team": team}
 
 
 def under_law(document: Document, law: str) -> Document:

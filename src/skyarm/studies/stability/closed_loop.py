@@ -119,10 +119,11 @@ def close_loop(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
         enters[x] = loop.x_new[late]
     A[m] = loop.m_y @ seen
     A[m, m] += loop.m_m
-    for i, place in enumerate(readings):
-        A[place] = np.eye(size)[readings[i + 1]] if i + 1 < r else now
-    for place, after in pairwise(queue):
+    # measurements and commands move up by one place a period
+    for place, after in (*pairwise(readings), *pairwise(queue)):
         A[place] = one[after]
+    if r:
+        A[readings[-1]] = now
     enters[queue[-1]] = np.eye(nu)
     shown = np.zeros((size, ny))
     shown[m] = loop.m_y

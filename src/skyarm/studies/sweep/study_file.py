@@ -52,6 +52,7 @@ from skyarm.records.files import (
     one_line,
     shown,
 )
+from skyarm.records.files.fields import whole_number
 from skyarm.records.files.names import names_in, read_named
 from skyarm.records.read_table import record_from
 from skyarm.records.registry.plugins import is_law_of_file
@@ -154,7 +155,7 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
         "design": design,
         "episodes": _episodes(top, design, vary),
         "seed": seed,
-        "chunk": _whole("chunk", top.take("chunk", 4096), LARGEST_CHUNK),
+        "chunk": whole_number(top.take("chunk", 4096), "chunk", 1, LARGEST_CHUNK),
         "precision": top.choice("precision", PRECISIONS, "double"),
         "windows": record_from(Windows, Fields(top.take("windows", {}), "windows")),
     }
@@ -199,14 +200,6 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
     )
 
 
-def _whole(at: str, value: object, most: int) -> int:
-    if type(value) is not int or not 1 <= value <= most:
-        raise ValueError(
-            f"{at} = {shown(value)}: must be a whole number from 1 to {most}"
-        )
-    return value
-
-
 def _vary(table: object, design: str, counted: bool) -> dict[str, Distribution]:
     """Distributions of the varied numbers by path; ``counted`` if the file states a
     number of episodes.
@@ -235,9 +228,10 @@ def _vary(table: object, design: str, counted: bool) -> dict[str, Distribution]:
 
 def _episodes(top: Fields, design: str, vary: Mapping[str, Distribution]) -> int:
     if design != "grid":
-        return _whole("episodes", top.take("episodes"), MOST_EPISODES)
+        return whole_number(top.take("episodes"), "episodes", 1, MOST_EPISODES)
     cells = prod(len(each.values) for each in finite(vary).values())
-    episodes = _whole("episodes", top.take("episodes", cells), MOST_EPISODES)
+    stated = top.take("episodes", cells)
+    episodes = whole_number(stated, "episodes", 1, MOST_EPISODES)
     if episodes % cells:
         raise ValueError(
             f"episodes = {episodes}: must be a multiple of the grid's {cells} cells"
