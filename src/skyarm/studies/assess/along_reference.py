@@ -304,16 +304,6 @@ def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
     ]
 
 
-def _effort_shares(part: FlightPart, demand: ActuatorDemand) -> Array:
-    """Joint efforts (n, K) as shares of the limits of joints and servos at the
-    reference's joint rates.
-    """
-    vehicle = part.scenario.agent.vehicle
-    return np.abs(demand.efforts) / demand.effort_limits(
-        effort_limits(vehicle)[:, None], servos(part.scenario)
-    )
-
-
 def _sample_times(part: FlightPart, end: float) -> list[Array]:
     """Sample times (K,) of each interval between two jumps of the reference, s.
 
@@ -368,10 +358,16 @@ def _stretch(part: FlightPart, time: Array) -> Followed:
             demand, squared=speeds**2 + demand.squared - bare.squared, efforts=efforts
         )
     top = Allocation.of(vehicle).highest[:, None]
-    position = stack_values(len(time), reference.position)
-    seconds = np.full(len(time), time[1] - time[0])
+    # of joints and servos, at the joint rates of the reference
+    limits = demand.effort_limits(
+        effort_limits(scenario.agent.vehicle)[:, None], servos(scenario)
+    )
     return Followed(
-        demand, demand.squared / top, _effort_shares(part, demand), position, seconds
+        demand,
+        rotors=demand.squared / top,
+        joints=np.abs(demand.efforts) / limits,
+        position=stack_values(len(time), reference.position),
+        seconds=np.full(len(time), time[1] - time[0]),
     )
 
 

@@ -392,12 +392,9 @@ def _vehicle_findings(poses: ArmPoses, payload: float, file: str) -> list[Findin
         for each in time_aloft(loaded.vehicle, gravity, loaded.held)
     ]
     arm = [*arm_workspace(poses), *own_collision(poses)]
-    return [*findings, *arm, *endurance, *_meshes(vehicle)]
-
-
-def _meshes(vehicle: Vehicle) -> list[Finding]:
-    """Notes on mesh files that no picture of the vehicle can show."""
-    return [Finding(MESHES, NOTE, line) for line in vehicle.missing_meshes]
+    # no picture of the vehicle can show them
+    meshes = [Finding(MESHES, NOTE, line) for line in vehicle.missing_meshes]
+    return [*findings, *arm, *endurance, *meshes]
 
 
 def _refused_by_plant(vehicle: Vehicle) -> list[Finding]:

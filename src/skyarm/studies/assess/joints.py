@@ -10,7 +10,7 @@ import numpy as np
 
 from skyarm.algebra import ZERO3, Mat3
 from skyarm.dynamics.actuators.servo import Servo
-from skyarm.dynamics.kinematics import Pose, link_poses
+from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.arrays import Array, Mask, stack_values
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses, in_parts
@@ -166,7 +166,8 @@ def arm_workspace(poses: ArmPoses) -> list[Finding]:
         return []
 
     def both_ways(joints: Array) -> Array:
-        places = tip_places(vehicle, joints).T
+        tip = frame_pose(vehicle, vehicle.frame(), tuple(joints.T)).p
+        places = stack_values(len(joints), tip)
         return np.vstack([places, -places])
 
     ends, _ = poses.worst(both_ways)
@@ -211,12 +212,3 @@ def own_collision(poses: ArmPoses) -> list[Finding]:
     level, word = (NOTE, "overlap") if least[k] < 0.0 else (OK, "are nearest")
     text = f"{near.names[k]} {word} at {pose}"
     return [Finding(OWN, level, text, value=least[k], unit="m", joints=at[k])]
-
-
-def tip_places(vehicle: Vehicle, joints: Array) -> Array:
-    """Tip positions (poses, 3) in base axes, m."""
-    frame = vehicle.frame()
-    place = link_poses(vehicle, tuple(joints.T))[frame.link] @ Pose(
-        frame.rotation, frame.position
-    )
-    return stack_values(len(joints), place.p).T
