@@ -4,7 +4,7 @@ Nyquist loci in hover.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -333,9 +333,8 @@ class SettledHover:
     def __init__(self, scenario: Scenario, paths: Sequence[str]) -> None:
         flight = hovering(nominal(without_adaptation(scenario)))
         flight = flight.with_kind("rigid_body")
-        self.paths = tuple(paths)
-        self._differentiator = Differentiator(flight, self.paths)
-        options = LegOptions(paths=self.paths)
+        self._differentiator = Differentiator(flight, paths)
+        options = LegOptions(paths=tuple(paths))
         self._leg = Leg(
             flight, stretches(flight)[0].overrides, range(flight.steps), options
         )
@@ -343,16 +342,15 @@ class SettledHover:
         self._row = inputs.rows[flight.steps - 1].tolist()
         self._time = float(self._row[0])
 
-    def margins(self, values: Mapping[str, Array]) -> list[LinearisedInstant | None]:
+    def margins(self, sets: Array) -> list[LinearisedInstant | None]:
         """Stability margins for each parameter set, cut at the commands only; None if
         the hover of a set diverged.
 
         Args:
-            values: path -> (sets,); every path.
+            sets: (sets, paths) numbers.
         """
         instants: list[LinearisedInstant | None] = []
-        sets = doubles([values[path] for path in self.paths]).T.tolist()
-        for settled, numbers in zip(self.settle(values), sets, strict=True):
+        for settled, numbers in zip(self.settle(sets), sets.tolist(), strict=True):
             if settled is None:
                 instants.append(None)
                 continue
@@ -362,15 +360,12 @@ class SettledHover:
             )
         return instants
 
-    def settle(
-        self, values: Mapping[str, Array], threads: int = 1
-    ) -> list[LoopState | None]:
-        """Simulate hover for each parameter set; returns final simulation states, None
-        where hover was not reached.
+    def settle(self, sets: Array, threads: int = 1) -> list[LoopState | None]:
+        """Simulate hover for each parameter set (sets, paths); returns final simulation
+        states, None where hover was not reached.
         """
-        columns = [doubles(values[path]) for path in self.paths]
-        count = len(columns[0])
-        parameters = self._leg.parameters(columns, count)
+        count = len(sets)
+        parameters = self._leg.parameters(list(sets.T), count)
         carry = self._leg.begin(parameters, 0, np.zeros(count, dtype=int), None)
         # sets of gains that diverge overflow, and count as no hover
         with np.errstate(all="ignore"):

@@ -273,21 +273,14 @@ def _scenarios(
             None,
             OWN,
         ):
-            _require_numbered_alike(scenario, load_scenario(file, duration=duration))
+            own = load_scenario(file, duration=duration)
+            if scenario.changes != own.changes:
+                raise ValueError(
+                    "controllers: must be left out with vary.changes, since the"
+                    " scenario changes numbers of its own controller in flight"
+                )
         scenarios[controller or scenario.law_names] = _ready(scenario, paths, derived)
     return scenarios
-
-
-def _require_numbered_alike(scenario: Scenario, own: Scenario) -> None:
-    """Refuse to vary scheduled changes by index if a controller removes some and thus
-    renumbers the others.
-    """
-    if scenario.changes != own.changes:
-        words = (
-            "must be left out with vary.changes, since the scenario changes numbers of"
-            " its own controller in flight"
-        )
-        raise ValueError(f"controllers: {words}")
 
 
 def _controllers(top: Fields) -> list[str | None]:

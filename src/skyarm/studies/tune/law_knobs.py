@@ -344,12 +344,13 @@ def _catalogue_gains(
     facts = loop_facts(scenario.rates, scenario.agent.delays, scenario.agent.estimator)
     gains: dict[str, Numbers] = {}
     for name in [*names, *PRESETS]:
-        made = _make(name, model, facts)
-        if made is None or made.name != law:
-            continue
+        # a law may not fit the vehicle, or have no gains
         try:
+            made = make_named(name, model, facts)
+            if made.name != law:
+                continue
             theirs = {knob.path: knob for knob in find_knobs(made, law)}
-        except KnobError:
+        except (ControllerError, AllocationError, KnobError):
             continue
         gains[name] = [
             (
@@ -361,16 +362,6 @@ def _catalogue_gains(
             for knob in knobs
         ]
     return gains
-
-
-def _make(name: str, model: object, facts: Mapping[str, object]) -> Controller | None:
-    """Create a controller from its catalogue name; None if it does not fit the
-    vehicle.
-    """
-    try:
-        return make_named(name, model, facts)  # type: ignore[arg-type]
-    except (ControllerError, AllocationError):
-        return None
 
 
 def _same_shares(knob: GainKnob, numbers: tuple[float, ...]) -> bool:
