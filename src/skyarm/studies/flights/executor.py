@@ -216,8 +216,9 @@ class WorkRunner:
             if here
             else ((work, unpack_rows(content)) for work, content in self.fly(every))
         )
-        by_work = {id(work): rows for work, rows in flying}
-        return [by_work[id(work)] for work in every]
+        # a work equals itself alone
+        by_work = dict(flying)
+        return [by_work[work] for work in every]
 
     def _together(self, works: Iterable[Work]) -> Iterator[tuple[Work, Rows]]:
         """Yield work items with their result rows, stored or simulated in this

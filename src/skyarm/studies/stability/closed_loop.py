@@ -32,8 +32,7 @@ class OpenLoop:
         measurement_delay: control periods. command_delay: s.
         states: number of entries of x that are the vehicle's own; those after them are
             memories of its joint drives. 0: all.
-        channels: points where it is cut for the margins of single loops; none: each
-            number of a command and a measurement.
+        channels: points where it is cut for the margins of single loops.
     """
 
     period: float

@@ -30,7 +30,6 @@ from skyarm.studies.stability.loop_channels import (
     COMMANDS,
     MEASUREMENTS,
     LoopChannel,
-    numbered_channels,
 )
 
 MOST = 2.0
@@ -380,8 +379,6 @@ def cut_loops(
         measured: cut it at the measurement, too.
         stable: whether it is stable; of an unstable one nothing is computed.
     """
-    sizes = (loop.rotors, loop.u_m.shape[0] - loop.rotors, len(loop.y_x))
-    channels = loop.channels or numbered_channels(*sizes)
     A = as_it_is.matrix(gains(loop))
     # what is added to the measurement moves the law's memory, and its commands at once
     into = {
@@ -392,7 +389,7 @@ def cut_loops(
     grid = frequency_grid(z, loop.period) if stable else np.zeros(0)
     ports = {}
     for port in (COMMANDS, MEASUREMENTS) if measured else (COMMANDS,):
-        mine = [c for c in channels if c.port == port]
+        mine = [c for c in loop.channels if c.port == port]
         B = np.column_stack(
             [np.zeros((len(A), 0)), *(into[port] @ c.enters for c in mine)]
         )

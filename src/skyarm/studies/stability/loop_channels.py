@@ -81,23 +81,6 @@ def _channels(
     ]
 
 
-def numbered_channels(
-    rotors: int, joints: int, measurements: int
-) -> tuple[LoopChannel, ...]:
-    """Loop channels named by index, for a loop whose rotors, joints and measurements
-    have no names.
-    """
-    size = rotors + joints
-    channels = single(
-        [f"rotor {i + 1}" for i in range(rotors)], "rotors", COMMANDS, size
-    )
-    channels += single(
-        [f"joint {i + 1}" for i in range(joints)], "joints", COMMANDS, size, rotors
-    )
-    names = [f"measurement {i + 1}" for i in range(measurements)]
-    return (*channels, *single(names, "measured", MEASUREMENTS, measurements))
-
-
 def vehicle_channels(
     vehicle: Vehicle, speeds: Sequence[float], attitude: Quaternion
 ) -> tuple[LoopChannel, ...]:
