@@ -45,7 +45,8 @@ CHANNEL = 30
 perturbed plants."""
 
 NUMBERS = 10
-"""Number of uniform random numbers of a world."""
+"""Number of uniform random numbers of a world; each column belongs to one or two of the
+quantities that are drawn."""
 
 MOST_DISCARDED = 0.3
 """Largest fraction of the drawn worlds that may be discarded."""
@@ -145,6 +146,8 @@ def _numbers(
     """Perturbed parameters of a contact task: parameter path -> values (scenarios,)."""
     wind = on_sphere(2.0 * share[:, 6] - 1.0, 2.0 * math.pi * share[:, 7])
     normal = _tilt(task.normal, NORMAL * share[:, 8], 2.0 * math.pi * share[:, 9])
+    # a mechanism takes the columns of what no task with one varies: surface friction,
+    # an object's mass, and the normal
     drags = (("friction", 1), ("damping", 3), ("stiffness", 9))
     draws = {
         **drawn,

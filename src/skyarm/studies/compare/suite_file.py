@@ -643,9 +643,7 @@ def _trial(table: Fields, usual: Record) -> SuiteTrial:
             _metric(each, success.at(each)): success.number(each)
             for each in success.table
         },
-        windows=record_from(
-            Windows, Fields(table.take("windows", {}), table.at("windows"))
-        ),
+        windows=record_from(Windows, table.inner("windows")),
     )
     table.done()
     if not found.values or len(set(found.values)) < len(found.values):

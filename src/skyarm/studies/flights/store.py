@@ -52,7 +52,8 @@ KEY, LABEL, STUDY = b"skyarm.key", b"skyarm.label", b"skyarm.study"
 MAGIC = b"PAR1"
 
 LONGEST = 120
-"""Largest number of characters of a label in a file's name."""
+"""Largest number of characters of a label in a file's name: with both digests and the
+suffix it stays below the 255 bytes that file systems allow."""
 
 
 @cache

@@ -171,6 +171,7 @@ def _in_loop(A: Array, enters: Array, sent: Array, states: int) -> Mask:
     """Mask of the states that belong to the feedback loop; clocks and other states
     outside of it are excluded.
     """
+    # as floats, since BLAS multiplies no truth values
     links = (A != 0.0) | (
         ((enters != 0.0).astype(float) @ (sent != 0.0).astype(float)) > 0.0
     )

@@ -147,7 +147,7 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
     title = top.text("title", "")
     check_name(name)
     design = top.choice("design", DESIGNS, "random")
-    vary = _vary(top.take("vary", {}), design, top.states("episodes"))
+    vary = _vary(top.inner("vary"), design, top.states("episodes"))
     derived = derived_from(top.take("derived", {}), tuple(vary))
     seed = top.take("seed", 0)
     noise_key("seed", seed)
@@ -157,7 +157,7 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
         "seed": seed,
         "chunk": whole_number(top.take("chunk", 4096), "chunk", 1, LARGEST_CHUNK),
         "precision": top.choice("precision", PRECISIONS, "double"),
-        "windows": record_from(Windows, Fields(top.take("windows", {}), "windows")),
+        "windows": record_from(Windows, top.inner("windows")),
     }
     if chosen["episodes"] > MOST_CHUNKS * chosen["chunk"]:
         least = -(-chosen["episodes"] // MOST_CHUNKS)
@@ -200,11 +200,10 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
     )
 
 
-def _vary(table: object, design: str, counted: bool) -> dict[str, Distribution]:
+def _vary(fields: Fields, design: str, counted: bool) -> dict[str, Distribution]:
     """Distributions of the varied numbers by path; ``counted`` if the file states a
     number of episodes.
     """
-    fields = Fields(table, "vary")
     vary = {
         path: distribution_from(value, f'vary."{path}"')
         for path, value in fields.table.items()
@@ -320,7 +319,7 @@ def _ready(scenario: Scenario, paths: list[str], derived: Collection[str]) -> Sc
 
 
 def _success(top: Fields, metrics: tuple[str, ...]) -> dict[str, float]:
-    fields = Fields(top.take("success", {}), "success")
+    fields = top.inner("success")
     for name in fields.table:
         if name not in metrics:
             there = f"{did_you_mean(name, metrics)}there are {', '.join(metrics)}"
