@@ -7,8 +7,35 @@ import dataclasses
 import numpy as np
 
 from skyarm.studies.stability.closed_loop import OpenLoop
+from skyarm.studies.stability.loop_channels import (
+    COMMANDS,
+    MEASUREMENTS,
+    LoopChannel,
+    single,
+)
 
 KP, KD, T = 160.0, 18.0, 0.005
+
+
+def numbered_channels(
+    rotors: int, joints: int, measurements: int
+) -> tuple[LoopChannel, ...]:
+    """Channels by index, of a loop whose rotors, joints and measurements have no
+    names.
+    """
+    size = rotors + joints
+    rows = (
+        ("rotor", "rotors", COMMANDS, rotors, size, 0),
+        ("joint", "joints", COMMANDS, joints, size, rotors),
+        ("measurement", "measured", MEASUREMENTS, measurements, measurements, 0),
+    )
+    return tuple(
+        channel
+        for word, group, port, count, length, first in rows
+        for channel in single(
+            [f"{word} {i + 1}" for i in range(count)], group, port, length, first
+        )
+    )
 
 
 def double_integrator(*, delay: float = 0.0, measured_late: int = 0) -> OpenLoop:
@@ -35,6 +62,7 @@ def double_integrator(*, delay: float = 0.0, measured_late: int = 0) -> OpenLoop
         u_y=np.array([[-KP, -KD]]),
         measurement_delay=measured_late,
         command_delay=delay,
+        channels=numbered_channels(1, 0, 2),
     )
 
 
@@ -65,4 +93,5 @@ def coupled(seed=3, channels=3):
         u_y=each(one.u_y * np.array([1.0, 0.5])),
         command_delay=0.007,
         measurement_delay=1,
+        channels=numbered_channels(channels - 1, 1, 2 * channels),
     )

@@ -10,13 +10,12 @@ import math
 
 import numpy as np
 import pytest
-from hand_made import coupled, double_integrator
+from hand_made import coupled, double_integrator, numbered_channels
 from scipy import linalg, optimize
 
 from skyarm.studies.stability import margins
 from skyarm.studies.stability.closed_loop import OpenLoop, close_loop, gains
 from skyarm.studies.stability.disk_margins import frequency_grid, upper_bound
-from skyarm.studies.stability.loop_channels import numbered_channels
 
 T = 1e-3
 """s, of loops that are continuous in the books: the hold costs half a period."""
@@ -40,6 +39,7 @@ def sampled(A, B, C, K, period=T):
         m_y=np.zeros((0, len(C))),
         u_m=np.zeros((m, 0)),
         u_y=-K,
+        channels=numbered_channels(m, 0, len(C)),
     )
 
 

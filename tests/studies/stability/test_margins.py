@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from hand_made import KD, KP, T, double_integrator
+from hand_made import KD, KP, T, double_integrator, numbered_channels
 from scipy import linalg, optimize
 
 from skyarm.studies.stability import margins
@@ -148,7 +148,12 @@ def two_axes(other_gain):
         for name in ("x_x", "x_old", "x_new")
     }
     return dataclasses.replace(
-        one, rotors=2, u_y=both(one.u_y, other_gain * one.u_y), **twice, **acting
+        one,
+        rotors=2,
+        u_y=both(one.u_y, other_gain * one.u_y),
+        channels=numbered_channels(2, 0, 4),
+        **twice,
+        **acting,
     )
 
 
@@ -178,6 +183,7 @@ def test_actuators_that_share_a_load_bear_a_common_factor():
         y_old=np.zeros((2, 2)),
         x_old=0.5 * np.repeat(one.x_old, 2, axis=2),
         x_new=0.5 * np.repeat(one.x_new, 2, axis=2),
+        channels=numbered_channels(2, 0, 2),
     )
     found, edge = margins(shared), 2.0 / (KD * T)
     assert found.rotor_gain[1] == pytest.approx(edge, rel=1e-6)

@@ -36,7 +36,7 @@ def test_each_set_has_the_margins_of_a_controller_made_with_it(scenario, hovers)
         path: value * np.array([1.0, 1.6])
         for path, value in zip(PATHS, base, strict=True)
     }
-    found = hovers.margins(values)
+    found = hovers.margins(np.stack(list(values.values()), axis=1))
     for k in range(2):
         numbers = {path: float(column[k]) for path, column in values.items()}
         alone = skyarm.margins(with_numbers(scenario, numbers), 0).instants[0]
@@ -56,8 +56,7 @@ def test_each_set_has_the_margins_of_a_controller_made_with_it(scenario, hovers)
 
 
 def test_a_hover_that_diverges_has_no_margins(hovers):
-    values = {PATHS[0]: np.array([math.nan, -50.0]), PATHS[1]: np.array([1.0, -900.0])}
-    none, unstable = hovers.margins(values)
+    none, unstable = hovers.margins(np.array([[math.nan, 1.0], [-50.0, -900.0]]))
     assert none is None
     assert (unstable.delay, unstable.gain("joint_gain")) == (0.0, (1.0, 1.0))
 

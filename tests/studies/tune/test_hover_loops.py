@@ -4,8 +4,6 @@ with what is measured.
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -16,9 +14,8 @@ from skyarm.studies.tune.hover_margins import (
     HoverMargins,
     calm,
     required_margins,
-    with_gains,
 )
-from skyarm.studies.tune.law_knobs import find_knobs
+from skyarm.studies.tune.law_knobs import find_knobs, numbers_at, with_constants
 
 CASE = load_scenario("case3")
 KNOBS = find_knobs(CASE.controller, CASE.controller.name)
@@ -34,9 +31,7 @@ def test_margins_are_those_of_a_loop_compiled_for_these_gains(tests_of_margins):
     flight, made = tests_of_margins
     logs = np.array([[0.4, 0.1, 0.5, 0.3, -0.2, -0.1]])
     (found,) = made.measure(logs)
-    other = dataclasses.replace(
-        calm(flight), controller=with_gains(flight.controller, KNOBS, logs[0])
-    )
+    other = with_constants(calm(flight), numbers_at(KNOBS, logs[0]))
     hover = evidence(other, 0).instants[0]
     assert found.delay == pytest.approx(hover.delay, rel=1e-6)
     for pair, wanted in (

@@ -15,8 +15,13 @@ from skyarm.records.leaves import replace_at
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.studies.tune.excitation import tuning_flight
 from skyarm.studies.tune.gain_search import scatter
-from skyarm.studies.tune.hover_margins import with_gains
-from skyarm.studies.tune.law_knobs import GIVEN, find_knobs, with_catalogue_gains
+from skyarm.studies.tune.law_knobs import (
+    GIVEN,
+    find_knobs,
+    numbers_at,
+    with_catalogue_gains,
+    with_constants,
+)
 
 LABEL = "centroidal_tip"
 FLIGHT = tuning_flight(load_scenario("case3", controller=LABEL))
@@ -31,9 +36,7 @@ def about(flight, label=LABEL):
 def detuned(factor):
     knobs = find_knobs(FLIGHT.controller, FLIGHT.controller.name)
     logs = np.log(np.broadcast_to(factor, len(knobs)))
-    return dataclasses.replace(
-        FLIGHT, controller=with_gains(FLIGHT.controller, knobs, logs)
-    )
+    return with_constants(FLIGHT, numbers_at(knobs, logs))
 
 
 @pytest.mark.parametrize("factor", [3.0, 1.0 / 3.0, 10.0])
@@ -66,9 +69,8 @@ def test_a_start_has_the_numbers_of_its_law():
     assert list(found.starts) == [GIVEN, "indi_tuned", "indi"] or list(
         found.starts
     ) == [GIVEN, "indi", "indi_tuned"]
-    tuned = with_gains(
-        found.flight.controller, found.knobs, found.starts["indi_tuned"]
-    ).par
+    numbers = numbers_at(found.knobs, found.starts["indi_tuned"])
+    tuned = with_constants(found.flight, numbers).controller.par
     catalogue = load_scenario("case3", controller="indi_tuned").controller.par
     assert [*tuned.gains.position] == pytest.approx([*catalogue.gains.position])
     assert tuned.joint_gains.stiffness == pytest.approx(catalogue.joint_gains.stiffness)

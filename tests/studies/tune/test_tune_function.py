@@ -11,7 +11,7 @@ import pytest
 import skyarm
 from skyarm.records.identity import identity
 from skyarm.studies.tune import tuning
-from skyarm.studies.tune.hover_margins import with_gains
+from skyarm.studies.tune.law_knobs import numbers_at, with_constants
 from skyarm.studies.tune.tuning import TuningPlan
 
 
@@ -65,7 +65,7 @@ def test_the_controller_of_a_result_flies_its_scenario() -> None:
     scenario = skyarm.load_scenario("case1", controller="paper_pd")
     found = skyarm.tune(scenario, candidates=64, plants=4, knobs=["gains.position"])
     assert len(repr(found)) <= 300
-    assert found.controller == with_gains(
-        found.plan.flight.controller, found.plan.knobs, found.pick.logs
-    )
+    plan, logs = found.plan, found.pick.logs
+    picked = with_constants(plan.flight, numbers_at(plan.knobs, logs))
+    assert found.controller == picked.controller
     assert skyarm.run(scenario.under(found.controller)).status == "completed"

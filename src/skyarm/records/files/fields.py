@@ -224,6 +224,20 @@ def three_numbers(value: object, at: str) -> tuple[float, float, float]:
     return x, y, z
 
 
+def whole_number(value: object, at: str, low: int, high: int) -> int:
+    """Check that a value of a file is a whole number from ``low`` to ``high``.
+
+    Raises:
+        ValueError: one line that begins with the place ``at``.
+    """
+    # not isinstance: True is an int to it
+    if type(value) is not int or not low <= value <= high:
+        raise ValueError(
+            f"{at} = {shown(value)}: must be a whole number from {low} to {high}"
+        )
+    return value
+
+
 def number(
     value: object,
     at: str,

@@ -20,7 +20,7 @@ from skyarm.dynamics.actuators.motion_demand import (
 )
 from skyarm.records.arrays import Array, Mask, stack_values
 from skyarm.records.immutable import positional
-from skyarm.records.leaves import field_names
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.endings import clearances_of
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.arm_poses import Allocation, ArmPoses
@@ -112,18 +112,18 @@ def along_reference(
     followed = follow(parts)
     demand, vehicle = followed.demand, scenario.agent.vehicle
     findings = _joint_limits(scenario, demand)
-    fields = [(f"rotors[{rotor.name}]", "max_speed") for rotor in vehicle.rotors]
+    rotors = [f"rotors[{rotor.name}].max_speed" for rotor in vehicle.rotors]
     # rounding of a rotor that idles is no reversed thrust
     pulls = demand.squared < -ROUNDING * np.max(demand.squared, axis=0)
     findings.append(
         _saturation(
-            "rotors along the reference", followed, followed.rotors, fields, pulls
+            "rotors along the reference", followed, followed.rotors, rotors, pulls
         )
     )
     if vehicle.n:
-        fields = [(f"joints[{joint.name}]", "effort_limit") for joint in vehicle.joints]
+        joints = [f"joints[{joint.name}].effort_limit" for joint in vehicle.joints]
         findings.append(
-            _saturation("joints along the reference", followed, followed.joints, fields)
+            _saturation("joints along the reference", followed, followed.joints, joints)
         )
         findings += servo_speeds(scenario, demand.time, demand.rates, followed.share)
     findings += _speed_steps(scenario)
@@ -148,20 +148,10 @@ def follow(parts: Sequence[FlightPart]) -> Followed:
             for part in parts
             for time in _sample_times(part, parts[-1].stop)
         ]
-    names = field_names(ActuatorDemand) or ()
-    demands = [piece.demand for piece in pieces]
-    return Followed(
-        ActuatorDemand(
-            *(
-                np.concatenate([getattr(piece, name) for piece in demands], axis=-1)
-                for name in names
-            )
-        ),
-        np.concatenate([piece.rotors for piece in pieces], axis=1),
-        np.concatenate([piece.joints for piece in pieces], axis=1),
-        np.concatenate([piece.position for piece in pieces], axis=1),
-        np.concatenate([piece.seconds for piece in pieces]),
-    )
+    # the last axis of each array is that of the instants
+    columns = zip(*map(leaves, pieces), strict=True)
+    joined = (np.concatenate(each, axis=-1) for each in columns)
+    return rebuild(pieces[0], joined)
 
 
 def _clearance(scenario: Scenario, followed: Followed) -> list[Finding]:
@@ -314,16 +304,6 @@ def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
     ]
 
 
-def _effort_shares(part: FlightPart, demand: ActuatorDemand) -> Array:
-    """Joint efforts (n, K) as shares of the limits of joints and servos at the
-    reference's joint rates.
-    """
-    vehicle = part.scenario.agent.vehicle
-    return np.abs(demand.efforts) / demand.effort_limits(
-        effort_limits(vehicle)[:, None], servos(part.scenario)
-    )
-
-
 def _sample_times(part: FlightPart, end: float) -> list[Array]:
     """Sample times (K,) of each interval between two jumps of the reference, s.
 
@@ -378,10 +358,16 @@ def _stretch(part: FlightPart, time: Array) -> Followed:
             demand, squared=speeds**2 + demand.squared - bare.squared, efforts=efforts
         )
     top = Allocation.of(vehicle).highest[:, None]
-    position = stack_values(len(time), reference.position)
-    seconds = np.full(len(time), time[1] - time[0])
+    # of joints and servos, at the joint rates of the reference
+    limits = demand.effort_limits(
+        effort_limits(scenario.agent.vehicle)[:, None], servos(scenario)
+    )
     return Followed(
-        demand, demand.squared / top, _effort_shares(part, demand), position, seconds
+        demand,
+        rotors=demand.squared / top,
+        joints=np.abs(demand.efforts) / limits,
+        position=stack_values(len(time), reference.position),
+        seconds=np.full(len(time), time[1] - time[0]),
     )
 
 
@@ -415,7 +401,7 @@ def _saturation(
     question: str,
     followed: Followed,
     share: Array,
-    parts: list[tuple[str, str]],
+    fields: list[str],
     reversed_: Mask | None = None,
 ) -> Finding:
     """Check result for all rotors or all joints: which saturates first, when, and for
@@ -427,34 +413,32 @@ def _saturation(
     often = followed.share(at_any)
     # the first that is no number, if any
     i, k = np.unravel_index(int(np.argmax(share)), share.shape)
-    name, field = parts[int(i)]
+    field = fields[int(i)]
     finite = bool(np.isfinite(share[i, k]))
     most = (
         f"at most {share[i, k]:.3g} of the limit"
         if finite
         else "a demand that is no finite number"
     )
-    text = f"{most} ({name}, at {time[k]:.3g} s)"
+    text = f"{most} ({field.rpartition('.')[0]}, at {time[k]:.3g} s)"
     if not often:
-        return Finding(
-            question, OK, text, f"{name}.{field}", value=float(share[i, k]), limit=1.0
-        )
+        return Finding(question, OK, text, field, value=float(share[i, k]), limit=1.0)
     first = int(np.argmax(at_any))
-    who = parts[int(np.argmax(outside[:, first]))][0]
+    field = fields[int(np.argmax(outside[:, first]))]
     lowest = (
         ""
         if reversed_ is None or not reversed_[:, first].any()
         else " at its lowest thrust"
     )
     text = (
-        f"saturates first{lowest} at {time[first]:.3g} s ({who}), for {often:.1%} of"
-        f" the flight; {text}"
+        f"saturates first{lowest} at {time[first]:.3g} s ({field.rpartition('.')[0]}),"
+        f" for {often:.1%} of the flight; {text}"
     )
     return Finding(
         question,
         FAULT if often > OFTEN or not finite else WARNING,
         text,
-        f"{who}.{field}",
+        field,
         "a slower or smaller reference, less load, or stronger rotors and drives",
         float(share[i, k]),
         1.0,

@@ -218,11 +218,12 @@ def check(
         ValueError: one line: what cannot be read, or an argument outside of what is
             allowed.
     """
-    file = "" if isinstance(what, (Vehicle, Scenario)) else str(what)
+    file = ""
     if not isinstance(what, (Vehicle, Scenario)):
+        file = str(what)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", WithoutEffectWarning)  # a finding below
-            what = load_scenario(what) if is_scenario(str(what)) else load_vehicle(what)
+            what = load_scenario(what) if is_scenario(file) else load_vehicle(what)
     # the flights are hovers of one vehicle without its world
     if flights and (isinstance(what, Vehicle) or what.is_team):
         raise ValueError(
@@ -391,12 +392,9 @@ def _vehicle_findings(poses: ArmPoses, payload: float, file: str) -> list[Findin
         for each in time_aloft(loaded.vehicle, gravity, loaded.held)
     ]
     arm = [*arm_workspace(poses), *own_collision(poses)]
-    return [*findings, *arm, *endurance, *_meshes(vehicle)]
-
-
-def _meshes(vehicle: Vehicle) -> list[Finding]:
-    """Notes on mesh files that no picture of the vehicle can show."""
-    return [Finding(MESHES, NOTE, line) for line in vehicle.missing_meshes]
+    # no picture of the vehicle can show them
+    meshes = [Finding(MESHES, NOTE, line) for line in vehicle.missing_meshes]
+    return [*findings, *arm, *endurance, *meshes]
 
 
 def _refused_by_plant(vehicle: Vehicle) -> list[Finding]:

@@ -21,10 +21,6 @@ from skyarm.studies.assess.finding import (
 ALARMS = (WARNING, FAULT)
 
 
-def _numbers(table: str, *fields: str) -> set[str]:
-    return {f"{table}.{field}" for field in fields}
-
-
 # numbers of the vehicle, not of its model, a sensor, the start or the air
 ARM_WEIGHT = {"links[].mass", Concern.ARM_LOADING}
 WEIGHT = {"base.mass", Concern.BASE_LOADING} | ARM_WEIGHT
@@ -32,14 +28,14 @@ PLACES = {
     f"{body}.{place}" for body in ("base", "links[]") for place in ("com", "position")
 }
 LOADS = WEIGHT | PLACES
-ROTORS = {"rotors.max_speed"} | _numbers(
-    "rotors[]",
-    "position",
-    "max_speed",
-    "thrust_coefficient",
-    "thrust_table",
-    "moment_coefficient",
-)
+ROTORS = {
+    "rotors.max_speed",
+    "rotors[].position",
+    "rotors[].max_speed",
+    "rotors[].thrust_coefficient",
+    "rotors[].thrust_table",
+    "rotors[].moment_coefficient",
+}
 INERTIA = {"base.inertia", "links[].inertia"}
 MARGIN = {Concern.LIFT, Concern.LOADED_LIFT, Concern.THRUST_MARGIN}
 LIFT = LOADS | ROTORS | {Concern.THRUST_COEFFICIENT, Concern.AXES}

@@ -26,8 +26,8 @@ def vehicle_facts(vehicle: Vehicle, gravity: float) -> Facts:
     Raises:
         AllocationError: the rotors cannot be mixed.
     """
-    zero = tuple(0.0 for _ in vehicle.links)
-    com = center_of_mass(vehicle, [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], zero)
+    level = [1.0, 0.0, 0.0, 0.0]
+    com = center_of_mass(vehicle, [0.0, 0.0, 0.0], level, vehicle.zeros)
     facts: Facts = {
         "vehicle": vehicle.name,
         "gravity_m_s2": gravity,
@@ -104,7 +104,7 @@ def _plain(value: Any) -> Plain:
 
 
 def _hover(vehicle: Vehicle, gravity: float) -> Facts:
-    trim = hover_trim(vehicle, tuple(0.0 for _ in vehicle.links), gravity)
+    trim = hover_trim(vehicle, vehicle.zeros, gravity)
     level = trim.needs_no_pull
     return {
         "possible": (

@@ -10,7 +10,7 @@ import numpy as np
 
 from skyarm.algebra import ZERO3, Mat3
 from skyarm.dynamics.actuators.servo import Servo
-from skyarm.dynamics.kinematics import Pose, link_poses
+from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.arrays import Array, Mask, stack_values
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses, in_parts
@@ -41,7 +41,6 @@ def joint_torques(poses: ArmPoses) -> list[Finding]:
     least, at = poses.worst(lambda joints: -np.abs(poses.efforts(joints)[WRENCH:]))
     static = np.where(-least > NOTHING, -least, 0.0)
     findings = []
-    servos = servos_of(vehicle)
     for link, limit, value, pose in zip(
         vehicle.links, effort_limits(vehicle), static, at, strict=True
     ):
@@ -53,7 +52,8 @@ def joint_torques(poses: ArmPoses) -> list[Finding]:
             findings.append(Finding(question, NOTE, "passive: no drive holds it", name))
             continue
         field = stronger = f"{name}.effort_limit"
-        if joint.name in servos and limit < float(joint.effort_limit):
+        # a servo that gives less than its joint takes
+        if limit < float(joint.effort_limit):
             field = f"drives.{joint.name}"
             stronger = (
                 f"{field}: gear, torque_constant, voltage over resistance,"
@@ -74,31 +74,22 @@ def joint_torques(poses: ArmPoses) -> list[Finding]:
     return findings
 
 
-def servos_of(vehicle: Vehicle) -> dict[str, Servo]:
-    """Servos of a vehicle by joint name."""
-    return {
-        each.name: each.drive
-        for each in vehicle.drives
-        if isinstance(each.drive, Servo)
-    }
-
-
 def effort_limits(vehicle: Vehicle) -> Array:
     """Effort limit (n,) of each joint, N m or N: of the joint or its servo at rest;
     infinite if passive.
     """
-    servos = servos_of(vehicle)
-    limits = {
-        joint.name: float(joint.effort_limit) or math.inf for joint in vehicle.joints
+    of_servos = {
+        each.name: float(each.drive.largest_effort())
+        for each in vehicle.drives
+        if isinstance(each.drive, Servo)
     }
     return np.array(
         [
-            (
-                min(limit, float(servos[name].largest_effort()))
-                if name in servos
-                else limit
+            # a limit of 0 marks a passive joint
+            min(
+                float(each.effort_limit) or math.inf, of_servos.get(each.name, math.inf)
             )
-            for name, limit in limits.items()
+            for each in vehicle.joints
         ]
     )
 
@@ -175,7 +166,8 @@ def arm_workspace(poses: ArmPoses) -> list[Finding]:
         return []
 
     def both_ways(joints: Array) -> Array:
-        places = tip_places(vehicle, joints).T
+        tip = frame_pose(vehicle, vehicle.frame(), tuple(joints.T)).p
+        places = stack_values(len(joints), tip)
         return np.vstack([places, -places])
 
     ends, _ = poses.worst(both_ways)
@@ -220,12 +212,3 @@ def own_collision(poses: ArmPoses) -> list[Finding]:
     level, word = (NOTE, "overlap") if least[k] < 0.0 else (OK, "are nearest")
     text = f"{near.names[k]} {word} at {pose}"
     return [Finding(OWN, level, text, value=least[k], unit="m", joints=at[k])]
-
-
-def tip_places(vehicle: Vehicle, joints: Array) -> Array:
-    """Tip positions (poses, 3) in base axes, m."""
-    frame = vehicle.frame()
-    place = link_poses(vehicle, tuple(joints.T))[frame.link] @ Pose(
-        frame.rotation, frame.position
-    )
-    return stack_values(len(joints), place.p).T

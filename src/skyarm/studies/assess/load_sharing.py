@@ -73,11 +73,13 @@ class Balance:
     departure: str
     remarks: tuple[str, ...]
 
+    def of(self, agent: str) -> list[int]:
+        """Indices of the grasps of a vehicle; those of the only one have no name."""
+        return [i for i, each in enumerate(self.grasps) if each.agent in ("", agent)]
+
     def share(self, agent: str) -> float:
         """Vertical force (N) of a vehicle's grasps on the body."""
-        return float(
-            self.wrenches[[each.agent in ("", agent) for each in self.grasps], 2].sum()
-        )
+        return float(self.wrenches[self.of(agent), 2].sum())
 
 
 def balances(scenario: Scenario, lost: str = "") -> list[Balance]:
@@ -287,11 +289,7 @@ def poses_with_share(
     load = np.zeros(6 + vehicle.n)
     weight = float(vehicle.mass) * gravity
     for each in bodies:
-        load += sum(
-            own
-            for grasp, own in zip(each.grasps, each.loads, strict=True)
-            if grasp.agent in ("", name)
-        )
+        load += sum(each.loads[i] for i in each.of(name))
     # the force that grasps add tilts the thrust: its size counts, beyond the weight
     thrust = math.hypot(*load[3:5], weight + load[5]) - weight
     poses = ArmPoses.only(
@@ -306,11 +304,7 @@ def load_of(
     """Check results for one vehicle with its share of the bodies: the share, then
     rotors and joints under it.
     """
-    bodies = [
-        each
-        for each in bodies
-        if any(grasp.agent in ("", name) for grasp in each.grasps)
-    ]
+    bodies = [each for each in bodies if each.of(name)]
     if not bodies:
         return []
     poses = poses_with_share(scenario, name, bodies, payload)
@@ -369,15 +363,15 @@ def carried_loads(
         return []
     loads = []
     for each in bodies:
-        frames = [
-            grasp.frame or None for grasp in each.grasps if grasp.agent in ("", name)
-        ]
+        own = [each.grasps[i] for i in each.of(name)]
         mass = each.share(name) / gravity
-        if each.body != team.object or not frames or not mass > 0.0:
+        if each.body != team.object or not own or not mass > 0.0:
             continue
 
         def point(
-            vehicle: Vehicle, frame: str | None = frames[0], mass: float = mass
+            vehicle: Vehicle,
+            frame: str | None = own[0].frame or None,
+            mass: float = mass,
         ) -> tuple[int, Body]:
             # called after the loop, hence its frame and mass as defaults
             at = vehicle.frame(frame)
@@ -385,9 +379,7 @@ def carried_loads(
                 mass=mass, com=at.position, inertia=Sym3(0.0, 0.0, 0.0)
             )
 
-        opened = min(
-            float(grasp.release) for grasp in each.grasps if grasp.agent in ("", name)
-        )
+        opened = min(float(grasp.release) for grasp in own)
         loads.append(
             Load(
                 each.body,

@@ -332,11 +332,8 @@ def largest_payload(poses: ArmPoses, payload: float) -> list[Finding]:
             f" {ENOUGH:g} times the weight"
         )
         remedy = f"more of {binding}, or a lighter vehicle"
-    text = (
-        text
-        if level != FAULT
-        else f"--payload {payload:g} kg is more than it holds: {text}"
-    )
+    if level == FAULT:
+        text = f"--payload {payload:g} kg is more than it holds: {text}"
     limit = payload or math.nan
     concerns = Concern.NO_PAYLOAD if level == WARNING else ""
     return [

@@ -22,7 +22,7 @@ from skyarm.scenario.scenario_record import Delays, Scenario, with_words
 from skyarm.studies.compare.entrants import TUNED
 from skyarm.studies.compare.suite import force_wind, library_rows
 from skyarm.studies.trial.facts import PAPER
-from skyarm.studies.trial.trial import NOISE
+from skyarm.studies.trial.trial import NOISE, with_entries
 
 Range = tuple[float, float]
 
@@ -212,8 +212,7 @@ def as_positions(task: ContactTask, document: dict[str, Any]) -> dict[str, Any]:
             replacement["position"] = _shift(phase["position"], way)
             at = list(phase["position"])
         phases.append(replacement)
-    tip = {**document["reference"]["tip"], "path": {**path, "phases": phases}}
-    return {**document, "reference": {**document["reference"], "tip": tip}}
+    return with_entries(document, {"reference": {"tip": {"path": {"phases": phases}}}})
 
 
 def _shift(place: list[float], way: list[float]) -> list[float]:

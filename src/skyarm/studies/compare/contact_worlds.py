@@ -37,6 +37,7 @@ from skyarm.studies.compare.contact_tasks import (
     ContactTask,
 )
 from skyarm.studies.compare.perturbed_plants import on_sphere
+from skyarm.studies.sweep.distributions import Uniform
 from skyarm.studies.trial.trial import columns_of
 
 CHANNEL = 30
@@ -44,7 +45,8 @@ CHANNEL = 30
 perturbed plants."""
 
 NUMBERS = 10
-"""Number of uniform random numbers of a world."""
+"""Number of uniform random numbers of a world; each column belongs to one or two of the
+quantities that are drawn."""
 
 MOST_DISCARDED = 0.3
 """Largest fraction of the drawn worlds that may be discarded."""
@@ -88,7 +90,7 @@ def draw_worlds(
     share = uniforms(seed, np.arange(drawn), CHANNEL, 0, NUMBERS)
     every = {
         "stiffness": _log(STIFFNESS, share[:, 0]),
-        "friction": _uniform(task.friction, share[:, 1]),
+        "friction": Uniform(*task.friction).quantile(share[:, 1]),
         "wind": task.wind * share[:, 2],
         "mass": _log(MASS, share[:, 3]),
     }
@@ -144,10 +146,12 @@ def _numbers(
     """Perturbed parameters of a contact task: parameter path -> values (scenarios,)."""
     wind = on_sphere(2.0 * share[:, 6] - 1.0, 2.0 * math.pi * share[:, 7])
     normal = _tilt(task.normal, NORMAL * share[:, 8], 2.0 * math.pi * share[:, 9])
+    # a mechanism takes the columns of what no task with one varies: surface friction,
+    # an object's mass, and the normal
     drags = (("friction", 1), ("damping", 3), ("stiffness", 9))
     draws = {
         **drawn,
-        "thrust": _uniform(THRUST, share[:, 4]),
+        "thrust": Uniform(*THRUST).quantile(share[:, 4]),
         "delay": DELAY * share[:, 5],
         "hinge": RADIUS * (2.0 * share[:, 8] - 1.0),
         **{f"drag_{name}": _log(DRAG, share[:, column]) for name, column in drags},
@@ -182,11 +186,7 @@ def _tilt(
     return list(np.cos(angle) * n[:, None] + np.sin(angle) * side)
 
 
-def _uniform(bounds: tuple[float, float], share: Array) -> Array:
-    low, high = bounds
-    return low + (high - low) * share
-
-
 def _log(bounds: tuple[float, float], share: Array) -> Array:
+    # not LogUniform, which rounds otherwise: the worlds of published tables stay
     low, high = map(math.log, bounds)
     return np.exp(low + (high - low) * share)

@@ -7,7 +7,6 @@ by value where they are not.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
@@ -364,8 +363,7 @@ def _over(
     flights: Sequence[Record], key: str, how: Callable[[list[float]], float]
 ) -> float | None:
     numbers = [each[key] for each in flights if each[key] is not None]
-    combined = float(how(numbers)) if numbers else math.nan
-    return combined if math.isfinite(combined) else None
+    return float(how(numbers)) if numbers else None
 
 
 def axis_record(axis: EnvelopeAxis, setting: TrialSetting) -> Document:

@@ -57,7 +57,8 @@ def random_curve(built: Scenario, setting: TrialSetting, step: float) -> Scenari
     """
     draws = np.random.default_rng(POINTS)
     ease = signal_from(MOTIONS["parts"]["ease"], "ease")
-    # as many as the densest curve takes, so that all values draw the same ones
+    # as many as the densest curve takes, so that all values draw the same ones; a
+    # quintic curve ends five points before the last, and three are in reserve
     count = math.ceil(DURATION / min(AXES["random_curve"].values)) + 8
 
     def curve(span: float) -> Signal:

@@ -12,7 +12,6 @@ from typing import Annotated
 import numpy as np
 
 from skyarm import dynamics
-from skyarm.algebra import Vec3
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.records.arrays import Array
@@ -227,17 +226,13 @@ def arm_length(vehicle: Vehicle) -> float:
     """Length from base to tip of the stretched arm, m; without an arm, the largest
     rotor distance from the base.
     """
-    links = [_length(joint.position) for joint in vehicle.joints]
+    links = [float(joint.position.norm()) for joint in vehicle.joints]
     tip = next(
         (frame for frame in vehicle.frames if frame.name == vehicle.end_effector), None
     )
     if tip is not None and links:
-        return sum(links) + _length(tip.position)
-    return max((_length(rotor.position) for rotor in vehicle.rotors), default=ARM)
-
-
-def _length(v: Vec3) -> float:
-    return math.sqrt(float(v.dot(v)))
+        return sum(links) + float(tip.position.norm())
+    return max((float(rotor.position.norm()) for rotor in vehicle.rotors), default=ARM)
 
 
 def thrust_margin(vehicle: Vehicle, gravity: float) -> float:

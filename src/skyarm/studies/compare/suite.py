@@ -148,9 +148,7 @@ def conditions(plants: int = 1000, seeds: int = 8) -> dict[str, Condition]:
     """
     every = tuple(CASES)
     listed = (
-        Condition(
-            name="perfect", title="perfect state", noisy=False, episodes=1, cases=every
-        ),
+        Condition(name="perfect", title="perfect state", cases=every),
         Condition(
             name="noisy",
             title="noise and one period of delay",
@@ -158,26 +156,22 @@ def conditions(plants: int = 1000, seeds: int = 8) -> dict[str, Condition]:
             episodes=seeds,
             cases=every,
         ),
-        *(
-            Condition(
-                name=name,
-                title=title,
-                noisy=noisy,
-                episodes=plants,
-                cases=PAPER_CASES,
-                spread=Spread(),
-            )
-            for name, title, noisy in (
-                (
-                    "plants",
-                    (
-                        "perturbed plants, perfect state, delay 0 to 10 ms that nobody"
-                        " knows of"
-                    ),
-                    False,
-                ),
-                ("plants_noisy", "perturbed plants, noise, delay 0 to 10 ms", True),
-            )
+        Condition(
+            name="plants",
+            title=(
+                "perturbed plants, perfect state, delay 0 to 10 ms that nobody knows of"
+            ),
+            episodes=plants,
+            cases=PAPER_CASES,
+            spread=Spread(),
+        ),
+        Condition(
+            name="plants_noisy",
+            title="perturbed plants, noise, delay 0 to 10 ms",
+            noisy=True,
+            episodes=plants,
+            cases=PAPER_CASES,
+            spread=Spread(),
         ),
     )
     return {each.name: each for each in listed}

@@ -41,7 +41,7 @@ from skyarm.records.files import (
     shown,
 )
 from skyarm.records.files import number as number_of
-from skyarm.records.files.fields import filled_list
+from skyarm.records.files.fields import filled_list, whole_number
 from skyarm.records.files.messages import nearest
 from skyarm.records.files.names import is_result_name, require_kind
 from skyarm.records.immutable import immutable
@@ -49,7 +49,7 @@ from skyarm.records.read_table import record_from
 from skyarm.scenario.controller_table import controller_by_name, is_gains_file
 from skyarm.scenario.numbers import require_apart
 from skyarm.scenario.readers import require_plugins
-from skyarm.scenario.scenario_record import Scenario, ScenarioError, whole
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.studies.compare.cell_flights import (
     JITTER,
     Cell,
@@ -552,13 +552,7 @@ def _metric(name: str, at: str) -> str:
 
 
 def _flights(table: Fields, usual: int) -> int:
-    stated = table.take("flights", usual)
-    if (flights := whole(stated)) is None or not 1 <= flights <= MOST:
-        raise ValueError(
-            f"{table.at('flights')} = {shown(stated)}: must be a whole number from 1 to"
-            f" {MOST}"
-        )
-    return flights
+    return whole_number(table.take("flights", usual), table.at("flights"), 1, MOST)
 
 
 def _duration(table: Fields, usual: float | None) -> float | None:
@@ -649,9 +643,7 @@ def _trial(table: Fields, usual: Record) -> SuiteTrial:
             _metric(each, success.at(each)): success.number(each)
             for each in success.table
         },
-        windows=record_from(
-            Windows, Fields(table.take("windows", {}), table.at("windows"))
-        ),
+        windows=record_from(Windows, table.inner("windows")),
     )
     table.done()
     if not found.values or len(set(found.values)) < len(found.values):

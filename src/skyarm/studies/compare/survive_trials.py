@@ -15,7 +15,6 @@ from skyarm.records.immutable import immutable
 from skyarm.records.leaves import parts
 from skyarm.reference import Constant
 from skyarm.scenario.controller_table import controller_by_name
-from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario, with_words
 from skyarm.studies.compare.cell_flights import Document
 from skyarm.studies.compare.faulty_sensors import FaultySensors
@@ -36,25 +35,7 @@ def faulty_sensors(built: Scenario, setting: TrialSetting, value: float) -> Scen
     return with_words(built, noise=FaultySensors(**parts(built.agent.noise)))
 
 
-def known_damping(built: Scenario, setting: TrialSetting, value: float) -> Scenario:
-    """Scenario whose joints are damped, and whose model has that damping."""
-    # in plant and model alike: stiffness is on trial here, not a mismatch
-    paths = (
-        "plant.vehicle.links.{}.joint.damping",
-        "model.vehicle.links.{}.joint.damping",
-    )
-    numbers = {
-        path.format(i): value * each
-        for path in paths
-        for i, each in enumerate(setting.damping)
-    }
-    return with_numbers(faulty_sensors(built, setting, value), numbers)
-
-
-MADE: Mapping[str, Maker] = {
-    "faulty_sensors": faulty_sensors,
-    "known_damping": known_damping,
-}
+MADE: Mapping[str, Maker] = {"faulty_sensors": faulty_sensors}
 """Makers of trials that no entries of a file describe."""
 
 

@@ -124,12 +124,10 @@ class TeamCondition(Condition):
             stated = {
                 each["agent"]: each for each in document["team"].get("members", [])
             }
-            members = [
-                {"agent": m.agent, "place": [*map(float, m.place)]}
-                for m in given.team.members
-            ]
             entries["team"]["members"] = [
-                each | stated.get(each["agent"], {}) for each in members
+                {"agent": each.agent, "place": [*map(float, each.place)]}
+                | stated.get(each.agent, {})
+                for each in given.team.members
             ]
             # to a nanometre, as the place is written into a scenario file
             supposed = given.places[-1] - self.off * given.outward

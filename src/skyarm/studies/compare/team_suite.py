@@ -22,7 +22,7 @@ from skyarm.studies.compare.run_suite import Refused, SummarySuite
 from skyarm.studies.compare.suite import Case, library_rows
 from skyarm.studies.compare.team_conditions import ROWS, CarryingTeam, TeamCondition
 from skyarm.studies.trial.table import COLUMNS, report_of
-from skyarm.studies.trial.trial import DELAY, NOISE, with_entries
+from skyarm.studies.trial.trial import NOISE, NOISY, with_entries
 from skyarm.view.pages import Report, Section, table_of
 
 TEAM, FLOWN = "team-suite", "two_carry_a_bar"
@@ -53,21 +53,15 @@ class TeamFlights(CellFlights):
         )
         given = team_of(scenario_from(document, folder), str(self.given))
         law = self.entrant.law
-        noisy: Document = {
-            "sensors": dataclasses.asdict(NOISE),
-            "delays": {"measurement": DELAY},
-        }
-        # of the carried body
-        noisy["team"] = {
-            "position_noise": NOISE.position,
-            "attitude_noise": NOISE.attitude,
-        }
-        changed = under_law(without_noise(document), law)
-        for tables in (
-            {"plant": {"kind": self.plant}},
-            noisy if self.condition.noisy else {},
-        ):
-            changed = with_entries(changed, tables)
+        tables: Document = {"plant": {"kind": self.plant}}
+        if self.condition.noisy:
+            # of the carried body
+            measured = {
+                "position_noise": NOISE.position,
+                "attitude_noise": NOISE.attitude,
+            }
+            tables |= {**NOISY, "team": measured}
+        changed = with_entries(under_law(without_noise(document), law), tables)
         changed = self.condition.change_document(changed, given)
         late = self.condition.change_path(scenario_from(changed, folder), given.last)
         return dataclasses.replace(late, seed=self.seed)
@@ -101,10 +95,7 @@ def without_noise(document: Record) -> Document:
         if not key.endswith("_noise") and key != "pose_age"
     }
     agents = {name: without_words(table) for name, table in document["agents"].items()}
-    return {
-        key: {"agents": agents, "team": team}.get(key, entry)
-        for key, entry in without_words(document).items()
-    }
+    return without_words(document) | {"agents": agents, "team": team}
 
 
 def under_law(document: Document, law: str) -> Document:

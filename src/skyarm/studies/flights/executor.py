@@ -9,7 +9,7 @@ import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from types import TracebackType
-from typing import Protocol
+from typing import TYPE_CHECKING, TypeAlias
 
 from skyarm.records.files import shown
 from skyarm.records.files.messages import comma_list
@@ -17,6 +17,10 @@ from skyarm.simulate.lane_numbers import require_count
 from skyarm.studies.flights.fly import fly, fly_together
 from skyarm.studies.flights.store import Store, pack_rows, unpack_rows
 from skyarm.studies.flights.work import Arguments, Rows, Work, identified
+
+if TYPE_CHECKING:
+    from skyarm.studies.flights.processes import Processes
+    from skyarm.studies.flights.ray_cluster import Ray
 
 LOCAL, PROCESSES, RAY = "local", "processes", "ray"
 
@@ -45,39 +49,12 @@ def require_place(on: str, field: str = "on") -> str:
     return on
 
 
-class Executor(Protocol):
-    """Backend that executes function calls: in this process, in worker processes or on
-    a cluster.
+class InProcess:
+    """Executor that runs one function call at a time, in this process.
 
     Attributes:
-        slots: largest number of calls under way. flying: number of those that are.
+        slots: largest number of calls under way.
     """
-
-    @property
-    def slots(self) -> int: ...  # noqa: D102
-
-    @property
-    def flying(self) -> int: ...  # noqa: D102
-
-    def submit(
-        self,
-        token: Work,
-        function: Callable[[*Arguments], bytes],
-        *arguments: *Arguments,
-    ) -> None:
-        """Submit a function call for execution, identified by a work item."""
-
-    def collect(self) -> tuple[Work, bytes]:
-        """Wait for a submitted call to finish; returns its work item and result."""
-
-    def close(self, *, abandon: bool) -> list[tuple[Work, bytes]]:
-        """Shut down the executor after waiting for running calls or abandoning them;
-        returns uncollected results.
-        """
-
-
-class InProcess:
-    """Executor that runs one function call at a time, in this process."""
 
     slots = 1
 
@@ -106,6 +83,11 @@ class InProcess:
     def close(self, *, abandon: bool) -> list[tuple[Work, bytes]]:
         """Return an empty list, since no function call runs in the background."""
         return []
+
+
+Executor: TypeAlias = "InProcess | Processes | Ray"
+"""Backend of function calls: in this process, in worker processes or on a cluster. All
+have ``slots``, ``flying``, ``submit``, ``collect`` and ``close``."""
 
 
 def _executor(on: str, workers: int) -> Executor:
@@ -234,8 +216,9 @@ class WorkRunner:
             if here
             else ((work, unpack_rows(content)) for work, content in self.fly(every))
         )
-        by_work = {id(work): rows for work, rows in flying}
-        return [by_work[id(work)] for work in every]
+        # a work equals itself alone
+        by_work = dict(flying)
+        return [by_work[work] for work in every]
 
     def _together(self, works: Iterable[Work]) -> Iterator[tuple[Work, Rows]]:
         """Yield work items with their result rows, stored or simulated in this

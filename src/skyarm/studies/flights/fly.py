@@ -77,7 +77,7 @@ def _batch(work: Work) -> Batch:
     """Compiled simulation of a work item, shared with other work items of the same
     program.
     """
-    # taken out and put back: the program used longest ago is the first to go
+    # taken out and put back last: the program used longest ago is the first to go
     batch = _programs.pop(work.program, None)
     if batch is None:
         batch = Batch(

@@ -298,11 +298,7 @@ def kin() -> dict[str, str]:
     """
     installed = versions("pyarrow", "mujoco-core")
     python = ".".join(installed["python"].split(".")[:2])
-    return {
-        **kinship(),
-        "python": python,
-        **{name: installed[name] for name in ("pyarrow", "mujoco-core")},
-    }
+    return {**kinship(), **installed, "python": python}
 
 
 def _travelling() -> Callable[[dict[str, str], bytes, bytes], bytes]:

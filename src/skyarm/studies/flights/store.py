@@ -52,7 +52,8 @@ KEY, LABEL, STUDY = b"skyarm.key", b"skyarm.label", b"skyarm.study"
 MAGIC = b"PAR1"
 
 LONGEST = 120
-"""Largest number of characters of a label in a file's name."""
+"""Largest number of characters of a label in a file's name: with both digests and the
+suffix it stays below the 255 bytes that file systems allow."""
 
 
 @cache
@@ -473,30 +474,16 @@ def _fits(content: bytes, work: Work) -> bool:
     ]
     if work.alone:
         given = [name for name in given if not is_torque(name)]
-    texts = {name for name, column in rows.items() if column.dtype == object} - {"log"}
-    text_columns = {
-        "status",
-        *(
-            name
-            for name, value in work.fixed.items()
-            if np.asarray(value).dtype.kind == "U"
-        ),
+    fixed = {name: np.asarray(value).dtype for name, value in work.fixed.items()}
+    # texts come back as objects
+    kinds = {"episode": np.dtype(np.uint32), "status": np.dtype(object)} | {
+        name: np.dtype(object) if kind.kind == "U" else kind
+        for name, kind in fixed.items()
     }
-    dtypes = {"episode": np.dtype(np.uint32)} | {
-        name: np.asarray(value).dtype for name, value in work.fixed.items()
-    }
-    numbers = {
-        name: column.dtype
+    return {*given} <= {*rows} and all(
+        len(column) == work.count
+        and (name == "log" or column.dtype == kinds.get(name, np.dtype(float)))
         for name, column in rows.items()
-        if name not in (*texts, "log")
-    }
-    return (
-        {*given} <= {*rows}
-        and texts == text_columns
-        and all(
-            kind == dtypes.get(name, np.dtype(float)) for name, kind in numbers.items()
-        )
-        and all(len(column) == work.count for column in rows.values())
     )
 
 

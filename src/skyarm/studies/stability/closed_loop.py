@@ -32,8 +32,7 @@ class OpenLoop:
         measurement_delay: control periods. command_delay: s.
         states: number of entries of x that are the vehicle's own; those after them are
             memories of its joint drives. 0: all.
-        channels: points where it is cut for the margins of single loops; none: each
-            number of a command and a measurement.
+        channels: points where it is cut for the margins of single loops.
     """
 
     period: float
@@ -119,10 +118,11 @@ def close_loop(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
         enters[x] = loop.x_new[late]
     A[m] = loop.m_y @ seen
     A[m, m] += loop.m_m
-    for i, place in enumerate(readings):
-        A[place] = np.eye(size)[readings[i + 1]] if i + 1 < r else now
-    for place, after in pairwise(queue):
+    # measurements and commands move up by one place a period
+    for place, after in (*pairwise(readings), *pairwise(queue)):
         A[place] = one[after]
+    if r:
+        A[readings[-1]] = now
     enters[queue[-1]] = np.eye(nu)
     shown = np.zeros((size, ny))
     shown[m] = loop.m_y
@@ -171,6 +171,7 @@ def _in_loop(A: Array, enters: Array, sent: Array, states: int) -> Mask:
     """Mask of the states that belong to the feedback loop; clocks and other states
     outside of it are excluded.
     """
+    # as floats, since BLAS multiplies no truth values
     links = (A != 0.0) | (
         ((enters != 0.0).astype(float) @ (sent != 0.0).astype(float)) > 0.0
     )

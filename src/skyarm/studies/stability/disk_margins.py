@@ -30,7 +30,6 @@ from skyarm.studies.stability.loop_channels import (
     COMMANDS,
     MEASUREMENTS,
     LoopChannel,
-    numbered_channels,
 )
 
 MOST = 2.0
@@ -380,8 +379,6 @@ def cut_loops(
         measured: cut it at the measurement, too.
         stable: whether it is stable; of an unstable one nothing is computed.
     """
-    sizes = (loop.rotors, loop.u_m.shape[0] - loop.rotors, len(loop.y_x))
-    channels = loop.channels or numbered_channels(*sizes)
     A = as_it_is.matrix(gains(loop))
     # what is added to the measurement moves the law's memory, and its commands at once
     into = {
@@ -392,7 +389,7 @@ def cut_loops(
     grid = frequency_grid(z, loop.period) if stable else np.zeros(0)
     ports = {}
     for port in (COMMANDS, MEASUREMENTS) if measured else (COMMANDS,):
-        mine = [c for c in channels if c.port == port]
+        mine = [c for c in loop.channels if c.port == port]
         B = np.column_stack(
             [np.zeros((len(A), 0)), *(into[port] @ c.enters for c in mine)]
         )
@@ -417,19 +414,11 @@ def _refine(response: Response, grid: Array) -> tuple[Array, Complex]:
     T = response.at(grid)
     if not T.size:
         return grid, T
-    more = []
-    for k in sorted(
-        {
-            int(k)
-            for k in np.argmax(np.abs(np.diagonal(T, axis1=1, axis2=2) + 0.5), axis=0)
-        }
-    ):
-        low = grid[max(k - 1, 0)]
-        high = grid[min(k + 1, len(grid) - 1)]
-        more.append(np.linspace(low, high, 2 * BETWEEN + 1)[1:-1])
-    added = np.setdiff1d(np.concatenate(more), grid)
-    order = np.argsort(np.concatenate([grid, added]))
-    return (
-        np.concatenate([grid, added])[order],
-        np.concatenate([T, response.at(added)])[order],
-    )
+    critical = np.argmax(np.abs(np.diagonal(T, axis1=1, axis2=2) + 0.5), axis=0)
+    low = grid[np.maximum(critical - 1, 0)]
+    high = grid[np.minimum(critical + 1, len(grid) - 1)]
+    # channels of one critical frequency share those around it
+    added = np.setdiff1d(np.linspace(low, high, 2 * BETWEEN + 1)[1:-1], grid)
+    every = np.concatenate([grid, added])
+    order = np.argsort(every)
+    return every[order], np.concatenate([T, response.at(added)])[order]

@@ -4,7 +4,7 @@ Nyquist loci in hover.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -186,20 +186,16 @@ def evidence(
     flights = [(True, hovering(nominal(scenario)), 1)]
     if instants:
         flights.append((False, nominal(scenario), instants))
-    total = sum(count for _, _, count in flights)
-
-    def report(done: int) -> None:
-        if progress is not None:
-            progress(done, total)
-
+    total = 1 + instants
+    report = progress or (lambda *_: None)
     linearised: list[LinearisedInstant] = []
-    report(0)
+    report(0, total)
     for hover, flight, count in flights:
         for frozen in frozen_instants(flight, count):
             linearised.append(
                 instant_at(frozen.open_loop, hover=hover, time=frozen.time)
             )
-            report(len(linearised))
+            report(len(linearised), total)
     return Evidence(
         controller=scenario.agent.controller.name,
         scenario=scenario.name,
@@ -337,9 +333,8 @@ class SettledHover:
     def __init__(self, scenario: Scenario, paths: Sequence[str]) -> None:
         flight = hovering(nominal(without_adaptation(scenario)))
         flight = flight.with_kind("rigid_body")
-        self.paths = tuple(paths)
-        self._differentiator = Differentiator(flight, self.paths)
-        options = LegOptions(paths=self.paths)
+        self._differentiator = Differentiator(flight, paths)
+        options = LegOptions(paths=tuple(paths))
         self._leg = Leg(
             flight, stretches(flight)[0].overrides, range(flight.steps), options
         )
@@ -347,16 +342,15 @@ class SettledHover:
         self._row = inputs.rows[flight.steps - 1].tolist()
         self._time = float(self._row[0])
 
-    def margins(self, values: Mapping[str, Array]) -> list[LinearisedInstant | None]:
+    def margins(self, sets: Array) -> list[LinearisedInstant | None]:
         """Stability margins for each parameter set, cut at the commands only; None if
         the hover of a set diverged.
 
         Args:
-            values: path -> (sets,); every path.
+            sets: (sets, paths) numbers.
         """
         instants: list[LinearisedInstant | None] = []
-        sets = doubles([values[path] for path in self.paths]).T.tolist()
-        for settled, numbers in zip(self.settle(values), sets, strict=True):
+        for settled, numbers in zip(self.settle(sets), sets.tolist(), strict=True):
             if settled is None:
                 instants.append(None)
                 continue
@@ -366,15 +360,12 @@ class SettledHover:
             )
         return instants
 
-    def settle(
-        self, values: Mapping[str, Array], threads: int = 1
-    ) -> list[LoopState | None]:
-        """Simulate hover for each parameter set; returns final simulation states, None
-        where hover was not reached.
+    def settle(self, sets: Array, threads: int = 1) -> list[LoopState | None]:
+        """Simulate hover for each parameter set (sets, paths); returns final simulation
+        states, None where hover was not reached.
         """
-        columns = [doubles(values[path]) for path in self.paths]
-        count = len(columns[0])
-        parameters = self._leg.parameters(columns, count)
+        count = len(sets)
+        parameters = self._leg.parameters(list(sets.T), count)
         carry = self._leg.begin(parameters, 0, np.zeros(count, dtype=int), None)
         # sets of gains that diverge overflow, and count as no hover
         with np.errstate(all="ignore"):

@@ -65,34 +65,20 @@ def single(
     """Cut points at consecutive entries of a command or measurement vector of length
     ``size``.
     """
-    one = np.eye(size)
-    return [
-        LoopChannel(
-            name=name,
-            group=group,
-            port=port,
-            reads=one[first + i],
-            enters=one[first + i],
-        )
-        for i, name in enumerate(names)
-    ]
+    rows = np.eye(size)[first : first + len(names)]
+    return _channels(names, group, port, rows, rows)
 
 
-def numbered_channels(
-    rotors: int, joints: int, measurements: int
-) -> tuple[LoopChannel, ...]:
-    """Loop channels named by index, for a loop whose rotors, joints and measurements
-    have no names.
+def _channels(
+    names: Sequence[str], group: str, port: str, reads: Array, enters: Array
+) -> list[LoopChannel]:
+    """Cut points in several directions, a row of ``reads`` and ``enters`` (directions,
+    size) for each.
     """
-    size = rotors + joints
-    channels = single(
-        [f"rotor {i + 1}" for i in range(rotors)], "rotors", COMMANDS, size
-    )
-    channels += single(
-        [f"joint {i + 1}" for i in range(joints)], "joints", COMMANDS, size, rotors
-    )
-    names = [f"measurement {i + 1}" for i in range(measurements)]
-    return (*channels, *single(names, "measured", MEASUREMENTS, measurements))
+    return [
+        LoopChannel(name=name, group=group, port=port, reads=read, enters=entered)
+        for name, read, entered in zip(names, reads, enters, strict=True)
+    ]
 
 
 def vehicle_channels(
@@ -156,17 +142,15 @@ def _pushes(rotors: Sequence[Rotor], speeds: Array, size: int) -> list[LoopChann
     slope = 2.0 * speeds
     reads = scaled[:axes] * slope
     enters = np.linalg.pinv(scaled[:axes]) / slope[:, None]
-    none = np.zeros(size - len(speeds))
-    return [
-        LoopChannel(
-            name=name,
-            group="pushes",
-            port=COMMANDS,
-            reads=np.concatenate([reads[i], none]),
-            enters=np.concatenate([enters[:, i], none]),
-        )
-        for i, name in enumerate(WRENCH[:axes])
-    ]
+    # a push moves no joint
+    none = np.zeros((axes, size - len(speeds)))
+    return _channels(
+        WRENCH[:axes],
+        "pushes",
+        COMMANDS,
+        np.hstack([reads, none]),
+        np.hstack([enters.T, none]),
+    )
 
 
 def _measured_channels(
@@ -201,13 +185,6 @@ def _rotations(
     w, x, y, z = map(float, attitude)
     # columns of length 1/2: four times the transpose inverts it
     Q = 0.5 * np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]])
-    channels = []
-    for i, name in enumerate(names):
-        enters, reads = np.zeros(size), np.zeros(size)
-        enters[place : place + 4], reads[place : place + 4] = Q[:, i], 4.0 * Q[:, i]
-        channels.append(
-            LoopChannel(
-                name=name, group=group, port=MEASUREMENTS, reads=reads, enters=enters
-            )
-        )
-    return channels
+    enters = np.zeros((len(names), size))
+    enters[:, place : place + 4] = Q.T
+    return _channels(names, group, MEASUREMENTS, 4.0 * enters, enters)

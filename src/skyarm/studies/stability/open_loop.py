@@ -51,7 +51,7 @@ from skyarm.studies.stability.frozen_scenario import (
     with_held_lag,
     with_lag,
 )
-from skyarm.studies.stability.loop_channels import LoopChannel, vehicle_channels
+from skyarm.studies.stability.loop_channels import vehicle_channels
 
 STEP_SIZE = 1e-4
 """Finite difference, in the number's unit, or relative for numbers above 1; the
@@ -320,6 +320,7 @@ class Differentiator:
         point = open_point(carry, len(self.scenario.agent.power))
         sizes = sizes_of(point)
         base = self._complete(carry, point, sizes, row, given)
+        completed = rebuild(point, iter(base.tolist()))
         moved, widths = stencil_points(base, point.state.quaternion)
         lates = range(len(self.lates))
         results = [self._outputs_of(moved, row, late, given) for late in lates]
@@ -354,14 +355,13 @@ class Differentiator:
             ),
             command_delay=float(self.scenario.agent.delays.command),
             states=len(leaves(point.state)) - 1,
-            channels=self._channels(point, base),
+            # cut at this operating point
+            channels=vehicle_channels(
+                self.scenario.agent.vehicle,
+                list(map(float, completed.new.rotor_speeds)),
+                completed.seen.quaternion,
+            ),
         )
-
-    def _channels(self, point: OpenPoint, base: Array) -> tuple[LoopChannel, ...]:
-        """Signals at which the loop is cut for its margins, at this operating point."""
-        at = rebuild(point, iter(base.tolist()))
-        speeds = [float(speed) for speed in at.new.rotor_speeds]
-        return vehicle_channels(self.scenario.agent.vehicle, speeds, at.seen.quaternion)
 
     def _complete(
         self,

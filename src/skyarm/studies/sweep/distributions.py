@@ -16,6 +16,7 @@ import numpy as np
 from skyarm.algebra.scalars.elementary import exp, horner, log
 from skyarm.records.arrays import Array
 from skyarm.records.files import Fields, number, shown
+from skyarm.records.files.fields import whole_number
 from skyarm.records.immutable import positional
 
 MOST_VALUES = 100_000
@@ -195,12 +196,8 @@ def _grid(value: object, at: str) -> Values:
     start, stop, _ = _numbers(value, at, (3, 3), "3 numbers, [start, stop, count]")
     _require_ascending((start, stop), at, value)
     given = value[2] if isinstance(value, list) else None
-    # not isinstance: True is an int to it
-    if type(given) is not int or not 2 <= given <= MOST_VALUES:
-        raise ValueError(
-            f"{at}[2] = {shown(given)}: must be a whole number from 2 to {MOST_VALUES}"
-        )
-    return Values(tuple(np.linspace(start, stop, given).tolist()))
+    count = whole_number(given, f"{at}[2]", 2, MOST_VALUES)
+    return Values(tuple(np.linspace(start, stop, count).tolist()))
 
 
 def _interval(value: object, at: str) -> tuple[float, float]:

@@ -127,9 +127,14 @@ class Manifest:
         return int(self.study["episodes"]) * len(self.scenarios)
 
     @property
+    def vary(self) -> Mapping[str, Any]:
+        """Tables of the distributions of the varied parameters, by path or name."""
+        return self.study.get("vary") or {}
+
+    @property
     def parameters(self) -> tuple[str, ...]:
         """Paths and names of the sweep's varied parameters, derived ones last."""
-        return (*(self.study.get("vary") or {}), *(self.study.get("derived") or {}))
+        return (*self.vary, *(self.study.get("derived") or {}))
 
     def span(self, index: int) -> range:
         """Range of episode numbers of one chunk of the sweep."""
@@ -163,7 +168,6 @@ class Manifest:
         messages.
         """
         study = self.study
-        vary = self.study.get("vary") or {}
         return {
             **{
                 name: value
@@ -174,8 +178,8 @@ class Manifest:
                 f"plugin {name!r}": value
                 for name, value in (study.get("plugins") or {}).items()
             },
-            **{f'vary."{path}"': value for path, value in vary.items()},
-            "vary": list(vary),
+            **{f'vary."{path}"': value for path, value in self.vary.items()},
+            "vary": list(self.vary),
             **{
                 # twelve digits tell two digests apart
                 f"scenario of {label!r}": digest[:12]

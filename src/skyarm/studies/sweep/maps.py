@@ -134,14 +134,10 @@ def axis(
     if low == high:
         low = low - 0.5
         high = high + 0.5
-    if logarithmic and low > 0.0:
-        return Axis(
-            path=path,
-            edges=np.geomspace(low, high, cells + 1),
-            logarithmic=True,
-            label=label,
-        )
-    return Axis(path=path, edges=np.linspace(low, high, cells + 1), label=label)
+    logarithmic = logarithmic and low > 0.0
+    spaced = np.geomspace if logarithmic else np.linspace
+    edges = spaced(low, high, cells + 1)
+    return Axis(path=path, edges=edges, logarithmic=logarithmic, label=label)
 
 
 def success_map(

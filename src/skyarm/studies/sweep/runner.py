@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from skyarm.records.files import PathLike, shown, taken_back
+from skyarm.records.files import PathLike, errors_as, shown, taken_back
 from skyarm.records.immutable import immutable
 from skyarm.studies.flights import Store, WorkRunner
 from skyarm.studies.flights.executor import LOCAL
@@ -113,10 +113,8 @@ def run_sweep(
     with taken_back(folder, folder / MANIFEST, folder / ROWS):
         store = Store(folder, study=manifest.digest)
         with store.alone(f"{first + 1}_of_{stride}" if stride > 1 else ""):
-            try:
+            with errors_as(StudyError, f"{study.source}: ", StudyError):
                 require_same_study(folder, manifest)
-            except StudyError as error:
-                raise StudyError(f"{study.source}: {error}") from None
             there = rows_there(folder, manifest)
             present = there.count // controllers
             manifest.write(folder, there.count, len(there.chunks))

@@ -8,7 +8,7 @@ import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import field
-from itertools import combinations
+from itertools import chain, combinations
 from pathlib import Path
 
 import numpy as np
@@ -110,15 +110,8 @@ class Rows:
         """True if the sweep has no random values: a grid of parameters without
         noise.
         """
-        study = self.manifest.study
-        kinds = [
-            kind
-            for distribution in (study.get("vary") or {}).values()
-            for kind in distribution
-        ]
-        given = study["design"] == "grid" and all(
-            kind in ("list", "grid") for kind in kinds
-        )
+        kinds = set(chain.from_iterable(self.manifest.vary.values()))
+        given = self.manifest.study["design"] == "grid" and kinds <= {"list", "grid"}
         return given and not self.manifest.noise
 
     def label(self, path: str) -> str:
@@ -127,7 +120,7 @@ class Rows:
 
     def is_logarithmic(self, path: str) -> bool:
         """True for a varied parameter that was drawn by its logarithm."""
-        return "log_uniform" in (self.manifest.study.get("vary") or {}).get(path, {})
+        return "log_uniform" in self.manifest.vary.get(path, {})
 
     @property
     def complete(self) -> bool:

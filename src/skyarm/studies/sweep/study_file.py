@@ -52,6 +52,7 @@ from skyarm.records.files import (
     one_line,
     shown,
 )
+from skyarm.records.files.fields import whole_number
 from skyarm.records.files.names import names_in, read_named
 from skyarm.records.read_table import record_from
 from skyarm.records.registry.plugins import is_law_of_file
@@ -146,18 +147,17 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
     title = top.text("title", "")
     check_name(name)
     design = top.choice("design", DESIGNS, "random")
-    vary = _vary(top.take("vary", {}), design)
+    vary = _vary(top.inner("vary"), design, top.states("episodes"))
     derived = derived_from(top.take("derived", {}), tuple(vary))
-    _require_grid_design(top)
     seed = top.take("seed", 0)
     noise_key("seed", seed)
     chosen = {
         "design": design,
         "episodes": _episodes(top, design, vary),
         "seed": seed,
-        "chunk": _whole("chunk", top.take("chunk", 4096), LARGEST_CHUNK),
+        "chunk": whole_number(top.take("chunk", 4096), "chunk", 1, LARGEST_CHUNK),
         "precision": top.choice("precision", PRECISIONS, "double"),
-        "windows": record_from(Windows, Fields(top.take("windows", {}), "windows")),
+        "windows": record_from(Windows, top.inner("windows")),
     }
     if chosen["episodes"] > MOST_CHUNKS * chosen["chunk"]:
         least = -(-chosen["episodes"] // MOST_CHUNKS)
@@ -200,16 +200,10 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
     )
 
 
-def _whole(at: str, value: object, most: int) -> int:
-    if type(value) is not int or not 1 <= value <= most:
-        raise ValueError(
-            f"{at} = {shown(value)}: must be a whole number from 1 to {most}"
-        )
-    return value
-
-
-def _vary(table: object, design: str) -> dict[str, Distribution]:
-    fields = Fields(table, "vary")
+def _vary(fields: Fields, design: str, counted: bool) -> dict[str, Distribution]:
+    """Distributions of the varied numbers by path; ``counted`` if the file states a
+    number of episodes.
+    """
     vary = {
         path: distribution_from(value, f'vary."{path}"')
         for path, value in fields.table.items()
@@ -222,32 +216,21 @@ def _vary(table: object, design: str) -> dict[str, Distribution]:
         raise ValueError(
             f"design = {design!r}: must come with a grid or a list under vary"
         )
+    for path, value in fields.table.items():
+        if "grid" in value and design != "grid" and not counted:
+            raise ValueError(
+                f'vary."{path}" = {shown(value)}: must come with design = "grid", or'
+                " with a number of episodes"
+            )
     return vary
-
-
-def _require_grid_design(top: Fields) -> None:
-    """Refuse a grid of values if neither the grid design nor a number of episodes is
-    given.
-    """
-    paths = (
-        [path for path, value in top.table["vary"].items() if "grid" in value]
-        if "vary" in top.table
-        else []
-    )
-    if not paths or top.table.get("design", "random") == "grid":
-        return
-    at = f'vary."{paths[0]}" = {shown(top.table["vary"][paths[0]])}'
-    if "episodes" not in top.table:
-        raise ValueError(
-            f'{at}: must come with design = "grid", or with a number of episodes'
-        )
 
 
 def _episodes(top: Fields, design: str, vary: Mapping[str, Distribution]) -> int:
     if design != "grid":
-        return _whole("episodes", top.take("episodes"), MOST_EPISODES)
+        return whole_number(top.take("episodes"), "episodes", 1, MOST_EPISODES)
     cells = prod(len(each.values) for each in finite(vary).values())
-    episodes = _whole("episodes", top.take("episodes", cells), MOST_EPISODES)
+    stated = top.take("episodes", cells)
+    episodes = whole_number(stated, "episodes", 1, MOST_EPISODES)
     if episodes % cells:
         raise ValueError(
             f"episodes = {episodes}: must be a multiple of the grid's {cells} cells"
@@ -289,21 +272,14 @@ def _scenarios(
             None,
             OWN,
         ):
-            _require_numbered_alike(scenario, load_scenario(file, duration=duration))
+            own = load_scenario(file, duration=duration)
+            if scenario.changes != own.changes:
+                raise ValueError(
+                    "controllers: must be left out with vary.changes, since the"
+                    " scenario changes numbers of its own controller in flight"
+                )
         scenarios[controller or scenario.law_names] = _ready(scenario, paths, derived)
     return scenarios
-
-
-def _require_numbered_alike(scenario: Scenario, own: Scenario) -> None:
-    """Refuse to vary scheduled changes by index if a controller removes some and thus
-    renumbers the others.
-    """
-    if scenario.changes != own.changes:
-        words = (
-            "must be left out with vary.changes, since the scenario changes numbers of"
-            " its own controller in flight"
-        )
-        raise ValueError(f"controllers: {words}")
 
 
 def _controllers(top: Fields) -> list[str | None]:
@@ -343,7 +319,7 @@ def _ready(scenario: Scenario, paths: list[str], derived: Collection[str]) -> Sc
 
 
 def _success(top: Fields, metrics: tuple[str, ...]) -> dict[str, float]:
-    fields = Fields(top.take("success", {}), "success")
+    fields = top.inner("success")
     for name in fields.table:
         if name not in metrics:
             there = f"{did_you_mean(name, metrics)}there are {', '.join(metrics)}"

@@ -210,8 +210,8 @@ def _require_hover(where: str, truth: Vehicle, armed: bool) -> None:
 
 
 def _hover(vehicle: str) -> dict[str, Any]:
-    """Scenario file of a hover but its reference; that of Barakou et al. 2026 has the
-    model of the publication.
+    """Scenario file of a hover without its reference; the paper's vehicle hovers as in
+    case 3, whose controller has the published model.
     """
     if vehicle == PAPER:
         return read_named("case3", "scenario", LIBRARY)[0] | {
@@ -222,6 +222,7 @@ def _hover(vehicle: str) -> dict[str, Any]:
         "name": "hover",
         "duration": DURATION,
         "plant": {"vehicle": vehicle},
+        # fits every vehicle; the law on trial replaces it
         "controller": {"law": "centroidal"},
     }
 

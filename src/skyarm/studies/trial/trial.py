@@ -39,6 +39,12 @@ DELAY = 0.005
 """Age (s) of a measurement in noisy trials, one control period; laws with an option for
 it receive it."""
 
+NOISY: Mapping[str, Any] = {
+    "sensors": asdict(NOISE),
+    "delays": {"measurement": DELAY},
+}
+"""Entries of the scenario's file of a noisy trial."""
+
 MOTIONS: Mapping[str, dict[str, Any]] = tomllib.loads(
     (resources.files("skyarm.studies.trial") / "library" / "motions.toml").read_text(
         "utf-8"
@@ -115,9 +121,7 @@ class Trial:
             ]
             document["reference"] = {"base": base, "joints": arm}
         if self.noisy:
-            document = with_entries(
-                document, {"sensors": asdict(NOISE), "delays": {"measurement": DELAY}}
-            )
+            document = with_entries(document, NOISY)
         whole = with_entries(document, fill_in(self.entries, facts, setting))
         return scenario_from(whole, setting.folder, setting.given)
 
@@ -208,20 +212,14 @@ def fill_in(
     """
     match entry:
         case dict():
-            every = (
-                {name: facts | own for name, own in setting.joints.items()}
-                if "*" in entry
-                else {}
-            )
-            joints = {
-                name: fill_in(entry["*"], own, setting, f"{at}.{name}")
-                for name, own in every.items()
-            }
-            others = {key: each for key, each in entry.items() if key != "*"}
-            return {
+            filled = {
                 key: fill_in(each, facts, setting, f"{at}.{key}")
-                for key, each in others.items()
-            } | joints
+                for key, each in entry.items()
+                if key != "*"
+            }
+            for name, own in setting.joints.items() if "*" in entry else ():
+                filled[name] = fill_in(entry["*"], facts | own, setting, f"{at}.{name}")
+            return filled
         case list():
             return [
                 fill_in(each, facts, setting, f"{at}[{i}]")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.perturbed_plants import arm_length, hardest
 from skyarm.studies.flights import Rows, Work, WorkRunner
+from skyarm.studies.trial.table import values_of
 from skyarm.studies.tune.excitation import KINDS, Plants
 from skyarm.studies.tune.law_knobs import GainKnob
 
@@ -25,8 +26,9 @@ LARGEST_TILT = math.radians(80.0)
 LOST = 100.0
 """Error (m) assigned to a lost flight."""
 
-LIMITED = "rotor_saturation"
-"""Metric of control periods with a rotor at its limit."""
+LIMITED, JITTER, TILT = "rotor_saturation", "rotor_jitter", "tilt_max"
+"""Metrics: fraction of control periods with a rotor at its limit; RMS change of a rotor
+command per period, rad/s; largest tilt, rad."""
 
 OWN = len(KINDS)
 """Index of the kind of motion that is the scenario's own."""
@@ -185,7 +187,7 @@ class CandidateFlights:
             _error(window, each) for window in self._windows for each in self._errors
         ]
         metrics += [LIMITED] if saturation else []
-        return (*metrics, "rotor_jitter", "tilt_max", *self._efforts)
+        return (*metrics, JITTER, TILT, *self._efforts)
 
     def fly(
         self,
@@ -260,49 +262,46 @@ class CandidateFlights:
                 count, plants.count
             )
 
-        def table(name: str) -> Array:
-            # a flight that ended before the window has NaN there
-            return doubles(column(name))
-
-        return self._outcome(column("status") == "completed", table, plants.kinds)
-
-    def _outcome(
-        self, completed: Mask, table: Callable[[str], Array], kinds: IntArray
-    ) -> CandidateResults:
-        """Errors and control effort from the metrics (candidates, plants)."""
+        # a flight that ended before the window has NaN there
+        metrics = {name: doubles(column(name)) for name in self._work.metrics}
+        # of several vehicles the largest counts
+        tilt, jitter = (
+            np.max(values_of(metrics, name), axis=0) for name in (TILT, JITTER)
+        )
+        limited = values_of(metrics, LIMITED)
         # not ">=": a tilt that is no number is of a lost flight
-        lost = ~completed | ~(table("tilt_max") < LARGEST_TILT)
-        parts = [
-            {name: table(_error(window, name)) for name in self._errors}
-            for window in self._windows
-        ]
-        product = np.ones(lost.shape)
-        for part in parts:
-            product = product * self._tracking_error(part)
-        base = parts[0]["position"]
-        squares = [table(name) ** 2 for name in self._efforts]
-        measured = LIMITED in self._work.metrics
+        lost = (column("status") != "completed") | ~(tilt < LARGEST_TILT)
         return CandidateResults(
-            # geometric mean of the windows, in which their ratios count alike
-            error=penalize(product ** (1.0 / len(parts)), lost),
-            tip=penalize(parts[0].get("ee", base), lost),
+            **self._errors_of(metrics, lost),
             # what is missing counts as much as a lost flight
-            base=penalize(base, lost),
-            pull=np.zeros(lost.shape),
-            jitter=np.nan_to_num(table("rotor_jitter"), nan=LOST, posinf=LOST),
-            effort=(
-                np.nan_to_num(np.sqrt(sum(squares)), nan=LOST)
-                if squares
-                else np.zeros(lost.shape)
-            ),
+            jitter=np.nan_to_num(jitter, nan=LOST, posinf=LOST),
             lost=lost,
             saturated=(
-                np.nan_to_num(table(LIMITED), nan=1.0)
-                if measured
+                np.nan_to_num(np.max(limited, axis=0), nan=1.0)
+                if limited
                 else np.full(lost.shape, np.nan)
             ),
-            kinds=kinds,
+            kinds=plants.kinds,
         )
+
+    def _errors_of(self, metrics: Mapping[str, Array], lost: Mask) -> dict[str, Array]:
+        """Errors, pull and effort of the results (candidates, plants), by name."""
+        parts = [
+            {name: metrics[_error(window, name)] for name in self._errors}
+            for window in self._windows
+        ]
+        product = np.prod([self._tracking_error(part) for part in parts], axis=0)
+        base = parts[0]["position"]
+        none = np.zeros(lost.shape)
+        squares = sum((metrics[name] ** 2 for name in self._efforts), none)
+        return {
+            # geometric mean of the windows, in which their ratios count alike
+            "error": penalize(product ** (1.0 / len(parts)), lost),
+            "tip": penalize(parts[0].get("ee", base), lost),
+            "base": penalize(base, lost),
+            "pull": none,
+            "effort": np.nan_to_num(np.sqrt(squares), nan=LOST),
+        }
 
     def _tracking_error(self, errors: Mapping[str, Array]) -> Array:
         """Mean error of the tracked quantity in one time window."""
@@ -397,6 +396,15 @@ class Scores:
         """Scores of a subset of the gain candidates."""
         return Scores(**{name: values[which] for name, values in parts(self).items()})
 
+    def numbers(self, i: int, *names: str) -> dict[str, float]:
+        """Some scores of one set of gains by their names."""
+        return {name: float(getattr(self, name)[i]) for name in names}
+
+    @property
+    def activity(self) -> Array:
+        """Control activity of each candidate: ln(rotor jitter) + ln(joint effort)."""
+        return activity(self.jitter, self.effort)
+
     def cost(self, weight: float) -> Array:
         """Cost of gain candidates: ln error + weight (ln jitter + ln effort) +
         penalties for crashes and margins.
@@ -404,15 +412,22 @@ class Scores:
         Logarithms make every ratio of improvement count alike, whatever the vehicle's
         size.
         """
-        active = np.log(self.jitter + SMALLEST) + np.where(
-            self.effort > 0.0, np.log(self.effort + SMALLEST), 0.0
-        )
         return (
             np.log(self.error + SMALLEST)
-            + weight * active
+            + weight * self.activity
             + LOSS * self.lost
             + self.short
         )
+
+
+def activity(jitter: Array | float, effort: Array | float) -> Array:
+    """Control activity ln(rotor jitter) + ln(joint effort), elementwise; the effort is
+    left out if zero.
+    """
+    efforts = doubles(effort)
+    return np.log(jitter + SMALLEST) + np.where(
+        efforts > 0.0, np.log(efforts + SMALLEST), 0.0
+    )
 
 
 def scores(flown: CandidateResults) -> Scores:

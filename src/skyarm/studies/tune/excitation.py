@@ -315,6 +315,9 @@ def tuning_flight(
     """
     longest = float(scenario.agent.delays.command) + UNKNOWN_DELAY
     delays = replace(scenario.agent.delays, longest_command=longest)
+    vehicle = scenario.agent.vehicle
+    weight = float(vehicle.mass) * float(scenario.agent.plant.gravity)
+    gust = Gust(peak=GUST * (GUST_SHARE * weight), start=BLOWN, duration=1.0)
     motions: FieldsByWord = (
         {}
         if own_motion
@@ -324,7 +327,7 @@ def tuning_flight(
                 steady=UNSEEN if unseen else Window(SETTLED, BLOWN),
                 gust=Window(BLOWN, STEPPED),
             ),
-            "reference": (unseen_motion if unseen else motion)(scenario.agent.vehicle),
+            "reference": (unseen_motion if unseen else motion)(vehicle),
             "path_time": None,
         }
     )
@@ -338,13 +341,8 @@ def tuning_flight(
         tracking_start=0,
         ground=False,
         world=None,
-        forces=(*scenario.forces, ForceWind(gusts=(_gust(scenario),))),
+        forces=(*scenario.forces, ForceWind(gusts=(gust,))),
     )
-
-
-def _gust(scenario: Scenario) -> Gust:
-    weight = float(scenario.agent.vehicle.mass) * float(scenario.agent.plant.gravity)
-    return Gust(peak=GUST * (GUST_SHARE * weight), start=BLOWN, duration=1.0)
 
 
 @immutable

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from skyarm.records.immutable import immutable
-from skyarm.studies.tune.candidate_flights import SMALLEST, WEIGHTS, Scores
+from skyarm.studies.tune.candidate_flights import WEIGHTS, Scores, activity
 from skyarm.studies.tune.gain_search import costs
 
 POINTS = 16
@@ -55,25 +55,17 @@ class LoopMargins:
         """True if the stability margins meet the required ones, or could not be
         computed.
         """
-        # nothing is held against gains of which no margin is known: plants judge them
-        if self.why_none:
-            return True
-        lows, highs = zip(self.rotors, self.joints, strict=True)
-        most, least = min(highs), max(lows)
-        return (
-            self.delay >= required.delay
-            and most >= required.gain
-            and least <= 1.0 / required.gain
-        )
+        return self.shortness(required) <= 1.0
 
     def shortness(self, required: Required) -> float:
         """Largest ratio of required to actual margin; above 1 the requirement is
         violated.
         """
+        # nothing is held against gains of which no margin is known: plants judge them
         if self.why_none:
             return 0.0
         # no margin at all is no division by zero
-        worst = max(required.delay / max(self.delay, 1e-9), 0.0)
+        worst = required.delay / max(self.delay, 1e-9)
         for low, high in (self.rotors, self.joints):
             worst = max(
                 worst,
@@ -110,16 +102,7 @@ class Point:
     @property
     def activity(self) -> float:
         """Control activity of these gains: ln(rotor jitter) + ln(joint effort)."""
-        return activity(self.jitter, self.effort)
-
-
-def activity(jitter: float, effort: float) -> float:
-    """Control activity ln(rotor jitter) + ln(joint effort); the effort is left out if
-    zero.
-    """
-    return math.log(jitter + SMALLEST) + (
-        math.log(effort + SMALLEST) if effort > 0.0 else 0.0
-    )
+        return float(activity(self.jitter, self.effort))
 
 
 def finalists(found: Sequence[Scores], count: int) -> list[int]:
@@ -130,16 +113,9 @@ def finalists(found: Sequence[Scores], count: int) -> list[int]:
     beats in both error and activity, as far apart in activity as may be. Only
     candidates that meet the margins count there.
     """
-    error, lost, short = (
+    error, lost, short, active = (
         np.concatenate([getattr(each, name) for each in found])
-        for name in ("error", "lost", "short")
-    )
-    active = np.array(
-        [
-            activity(float(j), float(e))
-            for each in found
-            for j, e in zip(each.jitter, each.effort, strict=True)
-        ]
+        for name in ("error", "lost", "short", "activity")
     )
     chosen = list(
         dict.fromkeys(int(costs(found, weight).argmin()) for weight in WEIGHTS)

@@ -176,21 +176,17 @@ def with_margins(
     while True:
         now = replace(scores, short=np.nan_to_num(shortfalls, nan=0.0))
         leading = [
-            _leaders(now.cost(weight), which, count) for weight, which, count in groups
+            # of equal costs the earlier one leads
+            which.start + np.argsort(now.cost(weight)[which], kind="stable")[:count]
+            for weight, which, count in groups
         ]
-        leaders = np.unique([k for each in leading for k in each]).astype(int)
+        leaders = np.unique(np.concatenate(leading))
         missing = leaders[np.isnan(shortfalls[leaders])]
         if not len(missing):
             return replace(
                 scores, short=np.where(np.isnan(shortfalls), NOT_LOOKED_AT, shortfalls)
             )
         shortfalls[missing] = short(asked[missing])
-
-
-def _leaders(cost: Array, which: slice, count: int) -> list[int]:
-    first = which.start or 0
-    # of equal costs the earlier one leads
-    return [first + int(k) for k in np.argsort(cost[which], kind="stable")[:count]]
 
 
 def costs(found: Sequence[Scores], weight: float) -> Array:

@@ -13,16 +13,14 @@ from dataclasses import replace
 import numpy as np
 
 from skyarm.compile.machine_code import missing_extra
-from skyarm.control.controller import Controller
 from skyarm.records.arrays import Array
-from skyarm.records.leaves import replace_at
 from skyarm.scenario.scenario_record import Scenario, with_words
 from skyarm.simulate.loop_state import LoopState
 from skyarm.studies.stability.closed_loop import OpenLoop, radius
 from skyarm.studies.stability.flight_margins import LinearisedInstant, SettledHover
 from skyarm.studies.stability.frozen_scenario import LAGS
 from skyarm.studies.tune.front import LoopMargins, Required
-from skyarm.studies.tune.law_knobs import GainKnob, numbers_at
+from skyarm.studies.tune.law_knobs import GainKnob
 
 try:
     from threadpoolctl import threadpool_limits
@@ -70,15 +68,6 @@ def required_margins(scenario: Scenario) -> Required:
     return Required(
         delay=max(DELAY_SHARE * nominal, PERIODS / scenario.rates.control), gain=GAIN
     )
-
-
-def with_gains(
-    controller: Controller, knobs: Sequence[GainKnob], logs: Sequence[float]
-) -> Controller:
-    """Controller with the parameters of each tunable gain multiplied by the gain's
-    factor.
-    """
-    return replace(controller, par=replace_at(controller.par, numbers_at(knobs, logs)))
 
 
 def calm(flight: Scenario) -> Scenario:
@@ -131,14 +120,10 @@ class HoverMargins:
         self._delay = math.ceil(RESERVE * required.delay / step - 1e-9) * step
         self._gain = RESERVE * required.gain
 
-    def _values(self, loops: SettledHover, logs: Array) -> dict[str, Array]:
-        return dict(
-            zip(
-                loops.paths,
-                self._numbers[:, None] * np.exp(logs.T[self._knob]),
-                strict=True,
-            )
-        )
+    def _sets(self, logs: Array) -> Array:
+        """Numbers of the law (candidates, numbers) with the factors of the gains."""
+        sets: Array = (self._numbers[:, None] * np.exp(logs.T[self._knob])).T
+        return sets
 
     def costs(self, logs: Array) -> Array:
         """Penalty (candidates,) of gain candidates for missing the required margins; 0
@@ -151,7 +136,7 @@ class HoverMargins:
         loops = self._loops
         if loops is None:
             return np.zeros(len(logs))
-        values = self._values(loops, logs)
+        sets = self._sets(logs)
 
         def cost(settled: LoopState | None, numbers: Sequence[float]) -> float:
             if settled is None:
@@ -164,11 +149,8 @@ class HoverMargins:
             )
 
         with ThreadPoolExecutor(self._threads) as pool:
-            lanes = (
-                loops.settle(values, self._threads),
-                np.array(list(values.values())).T.tolist(),
-            )
-            return np.array(list(pool.map(cost, *lanes)))
+            settled = loops.settle(sets, self._threads)
+            return np.array(list(pool.map(cost, settled, sets.tolist())))
 
     def measure(self, logs: Array) -> list[LoopMargins]:
         """Stability margins of each gain candidate in hover, the worse of those for
@@ -176,10 +158,7 @@ class HoverMargins:
         """
         if self._loops is None:
             return [replace(margins_of(None), why_none=self._why_none)] * len(logs)
-        return [
-            margins_of(hover)
-            for hover in self._loops.margins(self._values(self._loops, logs))
-        ]
+        return list(map(margins_of, self._loops.margins(self._sets(logs))))
 
 
 def failed_tests(loop: OpenLoop, delay: float, gain: float) -> float:

@@ -21,6 +21,7 @@ import re
 import typing
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -273,12 +274,14 @@ def with_catalogue_gains(
     """
     catalogue = _catalogue_gains(flight, knobs)
     names = [name for name in (label, *catalogue) if name in catalogue]
+    known = {name: catalogue[name] for name in names}
+    return centre(knobs, known, partial(with_constants, flight))
 
-    def replace_gains(numbers: Mapping[Place, float]) -> Scenario:
-        law = flight.agent.controller
-        return flight.with_controller(replace(law, par=replace_at(law.par, numbers)))
 
-    return centre(knobs, {name: catalogue[name] for name in names}, replace_gains)
+def with_constants(scenario: Scenario, numbers: Mapping[Place, float]) -> Scenario:
+    """Scenario with other numbers of its law, by their places among its constants."""
+    law = scenario.agent.controller
+    return scenario.with_controller(replace(law, par=replace_at(law.par, numbers)))
 
 
 def centre(
@@ -341,12 +344,13 @@ def _catalogue_gains(
     facts = loop_facts(scenario.rates, scenario.agent.delays, scenario.agent.estimator)
     gains: dict[str, Numbers] = {}
     for name in [*names, *PRESETS]:
-        made = _make(name, model, facts)
-        if made is None or made.name != law:
-            continue
+        # a law may not fit the vehicle, or have no gains
         try:
+            made = make_named(name, model, facts)
+            if made.name != law:
+                continue
             theirs = {knob.path: knob for knob in find_knobs(made, law)}
-        except KnobError:
+        except (ControllerError, AllocationError, KnobError):
             continue
         gains[name] = [
             (
@@ -358,16 +362,6 @@ def _catalogue_gains(
             for knob in knobs
         ]
     return gains
-
-
-def _make(name: str, model: object, facts: Mapping[str, object]) -> Controller | None:
-    """Create a controller from its catalogue name; None if it does not fit the
-    vehicle.
-    """
-    try:
-        return make_named(name, model, facts)  # type: ignore[arg-type]
-    except (ControllerError, AllocationError):
-        return None
 
 
 def _same_shares(knob: GainKnob, numbers: tuple[float, ...]) -> bool:

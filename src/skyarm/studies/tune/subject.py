@@ -4,13 +4,12 @@ one vehicle.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
 
 from skyarm.records.identity import identity
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Place, Tree, replace_at
+from skyarm.records.leaves import Place, Tree
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.tune.candidate_flights import CandidateFlights, shorten
 from skyarm.studies.tune.excitation import KINDS, draw_plants, tuning_flight
@@ -21,6 +20,7 @@ from skyarm.studies.tune.law_knobs import (
     find_knobs,
     inner_place,
     with_catalogue_gains,
+    with_constants,
 )
 from skyarm.view.pages import Facts
 
@@ -63,8 +63,8 @@ class Subject:
             scenarios.
         after: plants of the final check, in words. draw: draws perturbed plants; of
             mixed ones each has one kind.
-        centred: flight with the search centred at known gains. flights: flies
-            candidates. margins: their margins.
+        centred: flight with the search centred at known gains. under: scenario with
+            other numbers of the law. flights: flies candidates. margins: their margins.
         required: margins that gains must have.
     """
 
@@ -78,6 +78,7 @@ class Subject:
     after = "plants and a path that chose nothing"
     draw = staticmethod(draw_plants)
     centred = staticmethod(with_catalogue_gains)
+    under = staticmethod(with_constants)
     flights: type[CandidateFlights] = CandidateFlights
     margins: type[HoverMargins] = HoverMargins
     required = staticmethod(required_margins)
@@ -132,15 +133,6 @@ class Subject:
         """Tunable gains of the law; all for None."""
         return find_knobs(
             scenario.agent.controller, scenario.agent.controller.name, chosen
-        )
-
-    def under(self, scenario: Scenario, numbers: Mapping[Place, float]) -> Scenario:
-        """Scenario with other numbers of the law, by their places among its
-        constants.
-        """
-        law = scenario.agent.controller
-        return scenario.with_controller(
-            dataclasses.replace(law, par=replace_at(law.par, numbers))
         )
 
     def origin(self, scenario: Scenario) -> Facts:

@@ -14,7 +14,7 @@ counts by its ratio of improvement. A team has no margins.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import fields, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from skyarm.algebra.scalars.philox import uniforms
-from skyarm.log.metrics.metric_catalogue import catalogue_names, row_names
-from skyarm.records.arrays import Array, IntArray, Mask
+from skyarm.log.metrics.metric_catalogue import row_names
+from skyarm.records.arrays import Array, Mask
 from skyarm.records.files import shown
 from skyarm.records.leaves import Place, Tree, replace_at
 from skyarm.records.registry.registrations import name_of
@@ -33,12 +33,11 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.perturbed_plants import Spread
 from skyarm.studies.trial.trial import NOISE
 from skyarm.studies.tune.candidate_flights import (
-    LARGEST_TILT,
+    JITTER,
     LIMITED,
-    LOST,
     OWN,
+    TILT,
     CandidateFlights,
-    CandidateResults,
     penalize,
 )
 from skyarm.studies.tune.excitation import Plants, with_noise
@@ -73,7 +72,6 @@ CHANNEL = 31
 """Channel of the random generator, separate from those of plants, motions and noise."""
 
 POSITION, PULL = "team_position_mean", "team_pull_rms"
-JITTER, TILT = "rotor_jitter", "tilt_max"
 
 WITHOUT = "they are of one vehicle, and the law of a team was tuned"
 """Reason why no margins are computed."""
@@ -224,34 +222,15 @@ class TeamCandidates(CandidateFlights):
     def _metrics(self, scenario: Scenario, saturation: bool) -> tuple[str, ...]:
         return row_names((POSITION, PULL, JITTER, LIMITED, TILT), scenario.setpoints)
 
-    def _outcome(
-        self, completed: Mask, table: Callable[[str], Array], kinds: IntArray
-    ) -> CandidateResults:
-        def largest(name: str) -> Array:
-            """Metric of the vehicle that has the largest."""
-            found: Array = np.max(
-                [
-                    table(each)
-                    for each in self._work.metrics
-                    if catalogue_names([each]) == {name}
-                ],
-                0,
-            )
-            return found
-
-        lost = ~completed | ~(largest(TILT) < LARGEST_TILT)
-        position, pull = (penalize(table(name), lost) for name in (POSITION, PULL))
-        return CandidateResults(
-            error=np.sqrt(position * pull),
-            tip=position,
-            base=position,
-            pull=pull,
-            jitter=np.nan_to_num(largest(JITTER), nan=LOST, posinf=LOST),
-            effort=np.zeros(lost.shape),
-            lost=lost,
-            saturated=np.nan_to_num(largest(LIMITED), nan=1.0),
-            kinds=kinds,
-        )
+    def _errors_of(self, metrics: Mapping[str, Array], lost: Mask) -> dict[str, Array]:
+        position, pull = (penalize(metrics[name], lost) for name in (POSITION, PULL))
+        return {
+            "error": np.sqrt(position * pull),
+            "tip": position,
+            "base": position,
+            "pull": pull,
+            "effort": np.zeros(lost.shape),
+        }
 
 
 def no_required_margins(scenario: Scenario) -> Required:

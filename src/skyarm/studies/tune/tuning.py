@@ -313,13 +313,9 @@ class Tuner:
             Point(
                 logs=tuple(row.tolist()),
                 error=math.sqrt(float(scored.error[i]) * float(again.error[i])),
-                tip=float(scored.tip[i]),
-                pull=float(scored.pull[i]),
-                jitter=float(scored.jitter[i]),
-                effort=float(scored.effort[i]),
-                lost=float(scored.lost[i]),
                 saturated=float(np.median(flown.saturated[i])),
                 margins=margins[i],
+                **scored.numbers(i, "tip", "pull", "jitter", "effort", "lost"),
             )
             for i, row in enumerate(rows)
         ]
@@ -335,18 +331,12 @@ class Tuner:
         flown = scores(
             self._flown_once("aside", self._plan.aside, self._stages.aside, 3, rows)
         )
-        tables = zip(
-            points.items(), flown.tip, flown.jitter, flown.lost, flown.pull, strict=True
-        )
         return {
             name: Validation(
-                tip=float(tip),
-                jitter=float(jitter),
-                lost=float(lost),
                 meets=is_allowed(point, required),
-                pull=float(pull),
+                **flown.numbers(i, "tip", "pull", "jitter", "lost"),
             )
-            for (name, point), tip, jitter, lost, pull in tables
+            for i, (name, point) in enumerate(points.items())
         }
 
     def _flown_once(
