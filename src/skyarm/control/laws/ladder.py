@@ -20,7 +20,6 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from skyarm import dynamics
 from skyarm.algebra import (
     E_Z,
     ZERO3,
@@ -42,6 +41,7 @@ from skyarm.control.blocks.actuators import (
 from skyarm.control.blocks.attitude import attitude, reachable, vector_series
 from skyarm.control.blocks.center_of_mass import arm_reaction, forces_under_thrust
 from skyarm.control.blocks.common import (
+    coupled_forces,
     standing_command,
     turn_towards,
     wanted_specific_force,
@@ -377,16 +377,14 @@ def _forces(
     """Body torque, thrust and joint efforts by inverse dynamics, with the disturbance
     compensated.
     """
-    vehicle, q = par.model.vehicle, measurement.joints
-    rate = measurement.rate
-    rates = measurement.joint_rates
+    vehicle, rates = par.model.vehicle, measurement.joint_rates
     weight = R.apply_T(unknown.force)
     if par.steps >= CONSISTENT:
         thrust = force.dot(R.column(2))
         needed, efforts, _ = forces_under_thrust(
             vehicle,
-            q,
-            rate,
+            measurement.joints,
+            measurement.rate,
             rates,
             applied=E_Z * thrust + weight,
             angular=alpha,
@@ -394,7 +392,7 @@ def _forces(
         )
     else:
         base = Motion(alpha, R.apply_T(specific))
-        needed, efforts = dynamics.inverse_dynamics(vehicle, q, rate, rates, base, qdd)
+        needed, efforts = coupled_forces(par, measurement, base, qdd)
         thrust = needed.force.z - weight.z
     torques = [*differences(efforts, unknown.efforts)]
     if par.steps >= OBSERVER:

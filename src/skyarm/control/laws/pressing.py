@@ -53,7 +53,12 @@ from skyarm.algebra import (
 )
 from skyarm.algebra.scalars import add, clip, divide, maximum, minimum, mul, sub, where
 from skyarm.control.blocks.actuators import limit_efforts
-from skyarm.control.blocks.common import no_command, turn_towards, wanted_specific_force
+from skyarm.control.blocks.common import (
+    make_command,
+    no_command,
+    turn_towards,
+    wanted_specific_force,
+)
 from skyarm.control.blocks.disturbance_observer import (
     Observed,
     ObserverGains,
@@ -81,7 +86,7 @@ from skyarm.control.laws.paper import (
     joint_accelerations,
 )
 from skyarm.control.model import Model, Parameters
-from skyarm.dynamics.actuators import Command, mix
+from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.units import Unit
@@ -304,8 +309,7 @@ def pressing_command(
     )
     efforts = differences(torques, reaction.efforts)
     thrust = force.force.z - R.apply_T(reaction.force).z
-    speeds, _ = mix(par.mixer, force.torque - reaction.torque, thrust)
-    return Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts))
+    return make_command(par, force.torque - reaction.torque, thrust, efforts)[0]
 
 
 def release_normal(touch: ObservedContact, wanted: Sequence[Scalar]) -> Scalars:
