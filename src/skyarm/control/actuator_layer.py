@@ -40,7 +40,7 @@ from skyarm.records.leaves import Place, Tree, blend, is_record
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
-from skyarm.vehicle import Rotor, Vehicle
+from skyarm.vehicle import Rotor
 
 
 @immutable
@@ -417,7 +417,11 @@ def _setpoints(
     desired mean joint torques.
     """
     setpoints, drives, ahead = [], [], []
-    angles = _angles(plain.vehicle, memory, measurement)
+    inner = memory.inner
+    still = (0.0,) * len(plain.vehicle.tilts)
+    angles = angles_seen(
+        measurement, inner.angles if isinstance(inner, VectoredMemory) else still
+    )
     started = memory.started > 0.5
     rows = zip(
         believed_drives(model),
@@ -458,23 +462,6 @@ def _mean_motion(
     square = add(mul(ahead, ahead), dt * dt / 12.0)
     return add(add(q, mul(qd, ahead)), mul(qdd, mul(0.5, square))), add(
         qd, mul(qdd, ahead)
-    )
-
-
-def _angles(
-    vehicle: Vehicle, memory: ActuatorMemory, measurement: Measurement
-) -> Scalars:
-    """Angles (rad) of the tilting rotors: measured if available, else estimated by the
-    inner law, else zero.
-    """
-    inner = memory.inner
-    return angles_seen(
-        measurement,
-        (
-            inner.angles
-            if isinstance(inner, VectoredMemory)
-            else (0.0,) * len(vehicle.tilts)
-        ),
     )
 
 

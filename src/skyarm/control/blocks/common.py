@@ -10,7 +10,13 @@ from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add, divide, minimum, mul
 from skyarm.control.blocks.actuators import limit_efforts
-from skyarm.control.blocks.geometric import attitude_loop, downward_acceleration
+from skyarm.control.blocks.geometric import (
+    angular_acceleration,
+    attitude_error,
+    desired_attitude,
+    downward_acceleration,
+    rate_error,
+)
 from skyarm.control.model import JointGains, Model, Parameters
 from skyarm.dynamics.actuators import Command, mix
 from skyarm.dynamics.actuators.hover import hover_trim
@@ -40,19 +46,13 @@ def turn_towards(
     par: Parameters, measurement: Measurement, reference: Reference, R: Mat3, up: Vec3
 ) -> Vec3:
     """Angular acceleration (rad/s^2, base axes) that turns body z towards ``up`` and
-    the nose to the desired yaw.
+    the nose to the desired yaw: (83) to (85) of Barakou et al. 2026.
     """
+    R_d = desired_attitude(-up, reference.yaw, R)
+    e_w = rate_error(measurement.rate, R, R_d, reference.yaw_rate, par.rate_error)
     # gains of the attitude are on the base's own inertia
-    return attitude_loop(
-        par.gains,
-        par.model.vehicle.base.inertia,
-        a_d=-up,
-        yaw=reference.yaw,
-        yaw_rate=reference.yaw_rate,
-        R_WB=R,
-        w_B=measurement.rate,
-        rate_form=par.rate_error,
-    )
+    J = par.model.vehicle.base.inertia
+    return angular_acceleration(par.gains, J, attitude_error(R, R_d), e_w)
 
 
 def arm_alone(

@@ -100,21 +100,6 @@ def rotor_wrench(
     return Force(Vec3(x, y, z), Vec3(*(*(across or (0, 0)), thrust)))
 
 
-def side_wrench(
-    model: Model,
-    speeds: Sequence[Scalar],
-    velocity_B: Vec3,
-    rate: Vec3,
-    sideways: bool,
-) -> Force:
-    """Rotor force and torque that the mixer omits: hub drag in still air, rolling
-    moment, thrust across body z.
-    """
-    return drag_wrench(model.vehicle, speeds, velocity_B, rate) + omitted_thrust(
-        model, speeds, sideways
-    )
-
-
 def drag_wrench(
     vehicle: Vehicle, speeds: Sequence[Scalar], velocity_B: Vec3, rate: Vec3
 ) -> Force:
@@ -205,10 +190,11 @@ def with_side(
     rate: Vec3,
     sideways: bool = False,
 ) -> Disturbance:
-    """Disturbance plus the rotor force and torque that the mixer omits
-    (:func:`side_wrench`).
+    """Disturbance plus the rotor force and torque that the mixer omits: hub drag in
+    still air, rolling moment, thrust across body z.
     """
-    side = side_wrench(model, speeds, R.apply_T(velocity), rate, sideways)
+    drag = drag_wrench(model.vehicle, speeds, R.apply_T(velocity), rate)
+    side = drag + omitted_thrust(model, speeds, sideways)
     return Disturbance(
         force=unknown.force + R.apply(side.force),
         torque=unknown.torque + side.torque,
@@ -326,19 +312,9 @@ def predict_across(
     R = (x.quaternion * Quaternion.of_small_rotation(x.rate * drift)).rotation()
     joints = tuple(q + v * drift for q, v in zip(x.joints, x.joint_rates, strict=True))
     applied = rotor_wrench(model, done.squares, sideways)
-    moved = acceleration(
+    linear, angular, qdd = acceleration(
         model, R, x.rate, joints, x.joint_rates, applied, done.efforts, unknown
     )
-    return _integrate(x, moved, done.speeds, h)
-
-
-def _integrate(
-    x: State, moved: tuple[Vec3, Vec3, Sequence[Scalar]], speeds: Scalars, h: Scalar
-) -> State:
-    """Vehicle state after ``h`` seconds of constant accelerations of base and joints,
-    with given rotor speeds.
-    """
-    linear, angular, qdd = moved
     velocity, rate = x.velocity + linear * h, x.rate + angular * h
     rates = tuple(v + a * h for v, a in zip(x.joint_rates, qdd, strict=True))
     # positions by the mean velocity: exact for a constant acceleration
@@ -355,5 +331,5 @@ def _integrate(
             for q, a, b in zip(x.joints, x.joint_rates, rates, strict=True)
         ),
         joint_rates=tuple(map(data, rates)),
-        rotor_speeds=speeds,
+        rotor_speeds=done.speeds,
     )

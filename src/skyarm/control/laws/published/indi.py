@@ -174,22 +174,17 @@ def indi(
         along,
         sums(efforts, pull),
     )
-    return (
-        IndiMemory(
-            started=1.0,
-            taps=taps,
-            rate=rate,
-            joint_rates=tuple(joint_rates),
-            sent=_command_history(
-                memory,
-                command,
-                Command(rotor_speeds=measurement.rotor_speeds, efforts=hold),
-                first,
-            ),
-            speeds=() if par.measured_speeds else speeds,
-        ),
-        command,
+    # before the first command the actuators are taken to have held what they do
+    held = Command(rotor_speeds=measurement.rotor_speeds, efforts=hold)
+    following = IndiMemory(
+        started=1.0,
+        taps=taps,
+        rate=rate,
+        joint_rates=tuple(joint_rates),
+        sent=(*(blend(first, held, old) for old in memory.sent[1:]), command),
+        speeds=() if par.measured_speeds else speeds,
     )
+    return following, command
 
 
 def _speeds(
@@ -236,15 +231,6 @@ def _filter_signals(
         for value, old in zip(signals, memory.taps, strict=True)
     )
     return filtered_all(taps, signals, coefficients)
-
-
-def _command_history(
-    memory: IndiMemory, command: Command, standing: Command, first: Scalar
-) -> tuple[Command, ...]:
-    """Commands of the last periods, newest last, with the actuators held before the
-    first command.
-    """
-    return (*(blend(first, standing, old) for old in memory.sent[1:]), command)
 
 
 def first_memory(par: IndiParameters) -> IndiMemory:
