@@ -5,6 +5,7 @@ dynamics and mixing.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Annotated
 
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Scalar, Scalars, Vec3
@@ -20,9 +21,13 @@ from skyarm.control.blocks.geometric import (
 from skyarm.control.model import JointGains, Model, Parameters
 from skyarm.dynamics.actuators import Command, mix
 from skyarm.dynamics.actuators.hover import hover_trim
+from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle import Vehicle
+
+Started = Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
+"""Flag of a flight that has begun, as memories of several laws declare it."""
 
 
 def wanted_specific_force(

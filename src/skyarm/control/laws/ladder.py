@@ -41,6 +41,7 @@ from skyarm.control.blocks.actuators import (
 from skyarm.control.blocks.attitude import attitude, reachable, vector_series
 from skyarm.control.blocks.center_of_mass import arm_reaction, forces_under_thrust
 from skyarm.control.blocks.common import (
+    Started,
     coupled_forces,
     standing_command,
     turn_towards,
@@ -59,7 +60,7 @@ from skyarm.control.blocks.geometric import angular_acceleration, attitude_error
 from skyarm.control.blocks.prediction import Disturbance, with_side
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
-from skyarm.control.model import Parameters
+from skyarm.control.model import MeasurementAge, Parameters
 from skyarm.dynamics.actuators import Command, friction, mix
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit, nonnegative, positive
@@ -116,9 +117,7 @@ class StepParameters(Parameters):
             effect="higher values answer faster and amplify noise",
         ),
     ] = 1.0
-    delay_periods: Annotated[
-        int, Unit("control periods", "known age of the measurement", low=0, high=100)
-    ] = 0
+    delay_periods: MeasurementAge = 0
 
 
 @immutable
@@ -134,7 +133,7 @@ class StepMemory:
             extrapolation.
     """
 
-    started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
+    started: Started
     observed: Observed | tuple[()]
     sent: tuple[Command, ...]
     free: Annotated[

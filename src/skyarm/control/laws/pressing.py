@@ -40,7 +40,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Any
 
 from skyarm.algebra import (
     E_Z,
@@ -54,6 +54,7 @@ from skyarm.algebra import (
 from skyarm.algebra.scalars import add, clip, divide, maximum, minimum, mul, sub, where
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import (
+    Started,
     make_command,
     no_command,
     turn_towards,
@@ -89,7 +90,6 @@ from skyarm.control.model import Model, Parameters
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.immutable import immutable, positional
-from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle import Vehicle
@@ -115,7 +115,7 @@ class PressingMemory:
         interaction: state of the contact force controller.
     """
 
-    started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
+    started: Started
     observed: Observed
     sent: Command
     interaction: InteractionMemory

@@ -85,7 +85,7 @@ from skyarm.control.laws.predictive.tip_contact import (
     contact_goals,
     shift_ahead,
 )
-from skyarm.control.model import Model
+from skyarm.control.model import MeasurementAge, Model
 from skyarm.dynamics.actuators import Command, Mixer, make_mixer
 from skyarm.records.arrays import Array, float_array, norm
 from skyarm.records.files import shown
@@ -146,9 +146,7 @@ class PredictiveParameters:
             effect="higher values cost less time and react later",
         ),
     ]
-    delay_periods: Annotated[
-        int, Unit("control periods", "known age of the measurement", low=0, high=100)
-    ]
+    delay_periods: MeasurementAge
     interaction: InteractionGains | None = None
 
     @property

@@ -40,6 +40,7 @@ from skyarm.algebra import (
 from skyarm.algebra.scalars import divide, minimum, where
 from skyarm.control.blocks.center_of_mass import forces_under_thrust
 from skyarm.control.blocks.common import (
+    Started,
     arm_alone,
     make_command,
     no_command,
@@ -56,7 +57,7 @@ from skyarm.control.blocks.filters import (
 from skyarm.control.blocks.select import choose_each
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
-from skyarm.control.model import Parameters
+from skyarm.control.model import MeasurementAge, Parameters
 from skyarm.dynamics.actuators import Command, speeds_after
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend
@@ -91,9 +92,7 @@ class IndiParameters(Parameters):
         ),
     ] = 15.0
     measured_speeds: bool = True
-    delay_periods: Annotated[
-        int, Unit("control periods", "known age of the measurement", low=0, high=100)
-    ] = 0
+    delay_periods: MeasurementAge = 0
 
 
 @immutable
@@ -111,7 +110,7 @@ class IndiMemory:
             measured.
     """
 
-    started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
+    started: Started
     taps: tuple[Taps, ...]
     rate: Annotated[Vec3, Unit("rad/s", "filtered angular velocity, base axes")]
     joint_rates: Annotated[Scalars, Unit("rad/s or m/s", "filtered joint rates")]

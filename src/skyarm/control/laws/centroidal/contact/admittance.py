@@ -30,7 +30,6 @@ from skyarm.algebra.scalars import (
     logical_and,
     logical_or,
     maximum,
-    mul,
     sqrt,
     where,
 )
@@ -328,8 +327,8 @@ def shift_reference(
     memory = detect(gains.detection, memory, d, estimate, dt)
     body, shift = move(gains.tip, memory.body, memory.force * memory.detected, dt)
     moved = (
-        signal + Taylor((p, v, mul(0.5, a), 0, 0))
-        for signal, p, v, a in zip(signals[:3], *shift, strict=True)
+        signal + Taylor.of_derivatives((*by, 0, 0))
+        for signal, *by in zip(signals[:3], *shift, strict=True)
     )
     return replace(memory, body=body), [*moved, *signals[3:]]
 

@@ -39,18 +39,16 @@ from skyarm.algebra import (
     Scalars,
     Sym3,
     Vec3,
+    axis_rotation,
     sums,
 )
 from skyarm.algebra.scalars import (
     add,
     clip,
-    cos,
     data,
     divide,
     exp,
     maximum,
-    mul,
-    sin,
     sqrt,
     where,
 )
@@ -300,12 +298,15 @@ class CarryingGains(OptionalPart):
         shift = zip(
             carry.offset, carry.offset_rate, carry.offset_acceleration, strict=True
         )
-        heading = effect.signals[3] + series(*carry.heading)
+        heading = effect.signals[3] + Taylor.of_derivatives((*carry.heading, 0, 0))
         planned = [signal.derivative(0) for signal in effect.signals[4:]]
         tip = frame_pose(vehicle, held_at(vehicle), planned, summed=True).p
         before, after = (turn_by_yaw(yaw, tip) for yaw in (effect.signals[3], heading))
         moves = zip(effect.signals[:3], shift, before - after, strict=True)
-        moved = [s + series(*by) + round_tip for s, by, round_tip in moves]
+        moved = [
+            s + Taylor.of_derivatives((*by, 0, 0)) + round_tip
+            for s, by, round_tip in moves
+        ]
         desired = Vec3(
             *(
                 (base + arm).derivative(0)
@@ -368,11 +369,6 @@ def inertia_ratio(vehicle: Vehicle, joints: Scalars) -> Scalar:
     return 1.0 + divide(2.0 * vehicle.mass * lever.dot(lever), inertia.xx + inertia.yy)
 
 
-def series(value: Scalar, rate: Scalar, acceleration: Scalar) -> Taylor:
-    """Taylor series of a number with two derivatives."""
-    return Taylor((value, rate, mul(0.5, acceleration), 0, 0))
-
-
 def settling_sample(row: Sequence[Sample], carry: Carry, time: Scalar) -> list[Sample]:
     """Sample of the reference to come, ``time`` (s) from now, with the tip's shift as
     it settles until then.
@@ -429,7 +425,7 @@ def planned_acceleration(
     """Acceleration (m/s^2, world axes) of the planned tip on a level base, without its
     shift.
     """
-    turn, signals = carry.heading, motion.signals
+    signals = motion.signals
     tip = frame_pose(
         vehicle,
         held_at(vehicle),
@@ -437,7 +433,7 @@ def planned_acceleration(
         summed=True,
     ).p
     arm = turn_by_yaw(
-        signals[3].truncate(2) + Taylor((turn.x, turn.y, mul(0.5, turn.z))), tip
+        signals[3].truncate(2) + Taylor.of_derivatives([*carry.heading]), tip
     )
     return Vec3(*(each.derivative(2) for each in signals[:3])) + derivative(arm, 2)
 
@@ -448,9 +444,7 @@ def planned_effect(
     """Disturbance by a wrench at the tip (N, N m, world axes) at the pose of the
     reference, with a level base.
     """
-    heading = reference.yaw + carry.heading.x
-    c, s = cos(heading), sin(heading)
-    R = Mat3.columns(Vec3(c, s, 0), Vec3(-s, c, 0), Vec3(0, 0, 1))
+    R = axis_rotation(E_Z, reference.yaw + carry.heading.x)
     f, n, frame = R.apply_T(force), R.apply_T(moment), held_at(vehicle)
     columns = jacobian_columns(vehicle, frame, reference.joints, summed=True)
     tip = frame_pose(vehicle, frame, reference.joints, summed=True).p
