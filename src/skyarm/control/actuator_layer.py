@@ -19,6 +19,7 @@ from skyarm.control.controller import (
     ControllerError,
     Law,
     innermost,
+    layers,
     with_innermost,
 )
 from skyarm.control.law_checks import check_controller, checked_law, wrong
@@ -264,11 +265,9 @@ def commands_actuators(controller: Controller) -> bool:
     """True of a law whose commands are those of real actuators, in its layers or by
     itself.
     """
-    par = controller.par
-    while not getattr(par, "commands_actuators", False):
-        if not is_record(par := getattr(par, "inner", None)):
-            return False
-    return True
+    return any(
+        getattr(par, "commands_actuators", False) for par in layers(controller.par)
+    )
 
 
 def _first_memories(drives: Sequence[Drive], control_period: float) -> tuple[Tree, ...]:
@@ -354,13 +353,11 @@ def measured_places(controller: Controller) -> tuple[Place, ...]:
     """Places, in a controller, of the constants of its layers that are measured on the
     law inside.
     """
-    par = controller.par
-    places = list[Place]()
-    at: Place = ("par",)
-    while is_record(getattr(par, "inner", None)):
-        places += [(*at, *place) for place in getattr(par, "measured_limits", ())]
-        par, at = par.inner, (*at, "inner")
-    return tuple(places)
+    return tuple(
+        ("par", *("inner",) * depth, *place)
+        for depth, par in enumerate(layers(controller.par))
+        for place in getattr(par, "measured_limits", ())
+    )
 
 
 def believed_drives(model: Model) -> tuple[Drive, ...]:

@@ -4,7 +4,7 @@ state.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -121,6 +121,15 @@ def _whole(par: Any) -> Any:
     return replace(par, inner=_whole(filled))
 
 
+def layers(record: Any) -> Iterator[Any]:
+    """Constants or internal states of a law's layers, the outermost first, and at last
+    of the law itself.
+    """
+    yield record
+    if is_record(inner := getattr(record, "inner", None)):
+        yield from layers(inner)
+
+
 def innermost(record: Any) -> Any:
     """Constants or internal state of the control law inside all layers such as safety
     or servos.
@@ -128,9 +137,8 @@ def innermost(record: Any) -> Any:
     Layers share model and mixer, which stand with the outermost and are None in what
     this gives.
     """
-    while is_record(inner := getattr(record, "inner", None)):
-        record = inner
-    return record
+    *_, own = layers(record)
+    return own
 
 
 def with_innermost(record: Any, own: Tree) -> Any:

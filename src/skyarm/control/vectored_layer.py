@@ -24,9 +24,10 @@ from skyarm.algebra.scalars import (
     mul,
     sqrt,
     sub,
+    total,
     where,
 )
-from skyarm.control.controller import Controller, ControllerError, Law
+from skyarm.control.controller import Controller, ControllerError, Law, layers
 from skyarm.control.law_checks import check_controller, checked_law
 from skyarm.control.model import LayerParameters, Model
 from skyarm.dynamics.actuators import Command, allocation_matrix
@@ -133,10 +134,7 @@ def law_inside(controller: Controller) -> Controller:
 
 def turns_rotors(controller: Controller) -> bool:
     """True if a law, inside any layers, commands angles of tilting rotors."""
-    par = controller.par
-    while par is not None and not getattr(par, "turns_rotors", False):
-        par = getattr(par, "inner", None)
-    return par is not None
+    return any(getattr(par, "turns_rotors", False) for par in layers(controller.par))
 
 
 def pairs_model(model: Model) -> Model:
@@ -291,10 +289,8 @@ def goal_angles(
     is near zero.
     """
     vehicle = model.vehicle
-    total: Scalar = 0.0
-    for each in vehicle.rotors:
-        total = add(total, each.thrust_coefficient)
-    hover = divide(mul(vehicle.mass, model.gravity), total)
+    lift = total(each.thrust_coefficient for each in vehicle.rotors)
+    hover = divide(mul(vehicle.mass, model.gravity), lift)
     # without gravity nothing hovers, so only the rotor's own largest speed counts
     strongest = where(hover > 0.0, mul(STRONG, hover), math.inf)
     rows = [

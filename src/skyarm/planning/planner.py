@@ -351,16 +351,12 @@ def outline(task: Task) -> Outline:
             base = float_array(goal.base)
         elif goal.tip is not None:
             base = float_array(goal.tip) - tip_below(task, joints)
-        lengths.append(phase.duration or usual_length(norm(base - bases[-1])))
+        # from rest to rest at 6 m/s^2, first faster and then slower
+        usual = max(0.6, 2.0 * math.sqrt(norm(base - bases[-1]) / 6.0))
+        lengths.append(phase.duration or usual)
         bases.append(base)
         postures.append(joints)
     return Outline(bases=np.array(bases), joints=np.array(postures), lengths=lengths)
-
-
-def usual_length(distance: float) -> float:
-    """Length (s) of a free motion to begin from."""
-    # from rest to rest at 6 m/s^2, first faster and then slower
-    return max(0.6, 2.0 * math.sqrt(distance / 6.0))
 
 
 def problem_of(

@@ -55,7 +55,6 @@ from skyarm.algebra.scalars import (
     logical_or,
     maximum,
     minimum,
-    mul,
     sqrt,
     where,
 )
@@ -393,12 +392,7 @@ class Pressing:
         base = replace(
             now.disturbance(borne), efforts=now.disturbance(joint_force).efforts
         )
-        change = base - then.disturbance(self.force)
-        return d + Disturbance(
-            force=change.force * self.engaged,
-            torque=change.torque * self.engaged,
-            efforts=tuple(mul(each, self.engaged) for each in change.efforts),
-        )
+        return d + (base - then.disturbance(self.force)) * self.engaged
 
 
 SENSING = 60.0

@@ -68,6 +68,13 @@ class Disturbance:
             efforts=differences(self.efforts, other.efforts),
         )
 
+    def __mul__(self, share: Scalar) -> Disturbance:
+        return Disturbance(
+            force=self.force * share,
+            torque=self.torque * share,
+            efforts=tuple(mul(each, share) for each in self.efforts),
+        )
+
     def blend_towards(
         self, new: Disturbance, share: Scalar, force_share: Scalar
     ) -> Disturbance:

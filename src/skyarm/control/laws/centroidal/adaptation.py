@@ -59,7 +59,6 @@ from skyarm.control.laws.centroidal.step_records import Planned, ReferenceMotion
 from skyarm.dynamics import mass_matrix_at_rest
 from skyarm.dynamics.kinematics import jacobian_columns
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.vehicle import Vehicle
@@ -115,8 +114,10 @@ class Efforts:
 
     def towards(self, new: Efforts, share: Scalar) -> Efforts:
         """Filtered signals of a joint after one low-pass step towards new ones."""
-        pairs = zip(leaves(self), leaves(new), strict=True)
-        return rebuild(self, (towards(old, now, share) for old, now in pairs))
+        # not leaf by leaf: an effort of a joint off the tip's chain is a structural 0
+        pairs = ((self.load, new.load), (self.rate, new.rate), (self.given, new.given))
+        load, rate, given = (towards(old, now, share) for old, now in pairs)
+        return Efforts(load=load, rate=rate, given=given)
 
 
 @immutable

@@ -230,22 +230,23 @@ def plan(step: Step, effect: Effect, coming: Foreseen) -> DesiredMotion:
         )
     planned = force if moved else None
     still = wanted_attitude(par, force, yaw, rotors, planned)
-    if par.mode != "tip":
-        return DesiredMotion(
-            base, still, level, joints, before, changes, rotors, planned
+    goal = None
+    if par.mode == "tip":
+        goal = tip_tasks.goal(vehicle, base, yaw, joints, level)
+        joints = tip_tasks.turned_joints(
+            vehicle, par.tip, goal, still, joints, level, moves
         )
-    goal = tip_tasks.goal(vehicle, base, yaw, joints, level)
-    turned = tip_tasks.turned_joints(
-        vehicle, par.tip, goal, still, joints, level, moves
-    )
-    upright_posture = level
-    level = posture(vehicle, turned, 4)
-    offset = tip_tasks.needed_shift(upright_posture.tip, yaw, level.tip, still)
-    if moved:
-        offset = [*offset, *moved[2:]]
-    base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[len(offset) :]]
+        upright_posture = level
+        level = posture(vehicle, joints, 4)
+        offset = tip_tasks.needed_shift(upright_posture.tip, yaw, level.tip, still)
+        if moved:
+            offset = [*offset, *moved[2:]]
+        base = [
+            *(p + s for p, s in zip(base, offset, strict=False)),
+            *base[len(offset) :],
+        ]
     return DesiredMotion(
-        base, still, level, turned, after, changes, rotors, planned, goal
+        base, still, level, joints, after, changes, rotors, planned, goal
     )
 
 
