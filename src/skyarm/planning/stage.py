@@ -405,10 +405,7 @@ class PlanStage:
             end=end,
             costs=costs,
             goals=self._goals(state, data, columns, tip)
-            | {
-                "inputs": [*u[:m]],
-                "arm": [a * 1.0 for a in x[at.arm]],
-            },
+            | {"inputs": [*u[:m]], "arm": [*x[at.arm]]},
             inputs=self._input_limits(x, u, efforts, data),
             limits=self._state_limits(x, state, data),
         )

@@ -78,12 +78,10 @@ def arm_alone(
 
 def make_command(
     par: Parameters, torque: Vec3, thrust: Scalar, efforts: Sequence[Scalar]
-) -> tuple[Command, Scalars]:
-    """Limited command for body torque, thrust and joint torques, and the squared rotor
-    speeds before the limits.
-    """
-    speeds, squares = mix(par.mixer, torque, thrust)
-    return Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts)), squares
+) -> Command:
+    """Limited command for body torque, thrust and joint torques."""
+    speeds, _ = mix(par.mixer, torque, thrust)
+    return Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts))
 
 
 def no_command(vehicle: Vehicle) -> Command:

@@ -99,7 +99,7 @@ from skyarm.control.law_maker import option_numbers
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.records.immutable import immutable, positional
+from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend
 from skyarm.records.units import Unit, positive
 from skyarm.sensing.measurement import Measurement
@@ -452,10 +452,8 @@ def observe(
         push, *_ = inertia_times(model, R, joints, base.change, turning, quick)
     # up to where the force is least: beyond, or across, it would grow
     shrinking = divide(memory.force.dot(push), -SMALL - push.dot(push))
-    learned = Observed(
-        position=place.position,
-        quaternion=place.quaternion,
-        joints=place.joints,
+    learned = replace(
+        place,
         velocity=base.velocity,
         rate=w + ew * (fast[1] * fresh.rate),
         joint_rates=tuple(
@@ -476,10 +474,7 @@ def observe(
         integrated=base.integrated,
     )
     begun = replace(
-        memory,
-        position=place.position,
-        quaternion=place.quaternion,
-        joints=place.joints,
+        place,
         velocity=vector_data(measurement.velocity),
         rate=vector_data(measurement.rate),
         joint_rates=tuple(map(data, measurement.joint_rates)),
@@ -615,15 +610,6 @@ class ObserverCorrections:
     joint_corrections: Scalars
 
 
-@positional
-class FilteredPose:
-    """Filtered base position (m), attitude and joint positions of the vehicle."""
-
-    position: Vec3
-    quaternion: Quaternion
-    joints: Scalars
-
-
 def filter_pose(
     bandwidth: Scalar,
     memory: Observed,
@@ -631,9 +617,9 @@ def filter_pose(
     fresh: Fresh,
     started: Scalar,
     dt: Scalar,
-) -> FilteredPose:
-    """Low-pass filtered base pose and joint positions, predicted from the estimated
-    velocities and then corrected.
+) -> Observed:
+    """Observer state with base pose and joint positions of now, predicted from the
+    estimated velocities and then corrected by the measured ones.
     """
     share = low_pass_share(bandwidth, dt)
     flags = (
@@ -651,10 +637,11 @@ def filter_pose(
     # q and -q are one attitude: the nearer of them is averaged
     measured = nearer_sign(measurement.quaternion, quaternion)
     off = Quaternion(*(m - c for m, c in zip(measured, quaternion, strict=True)))
-    return FilteredPose(
-        position + (measurement.position - position) * moved,
-        quaternion.plus(off, turned).normalized(),
-        tuple(
+    return replace(
+        memory,
+        position=position + (measurement.position - position) * moved,
+        quaternion=quaternion.plus(off, turned).normalized(),
+        joints=tuple(
             q + bent * (m - q) for q, m in zip(joints, measurement.joints, strict=True)
         ),
     )

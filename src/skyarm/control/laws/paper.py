@@ -139,7 +139,7 @@ def hybrid_computed_torque(
     else:
         force, torques = generalized_force(par, R, measurement, base, qdd)
     torques = with_friction(par, measurement, reference, torques)
-    return memory, make_command(par, force.torque, force.force.z, torques)[0]
+    return memory, make_command(par, force.torque, force.force.z, torques)
 
 
 def generalized_force(

@@ -309,7 +309,7 @@ def pressing_command(
     )
     efforts = differences(torques, reaction.efforts)
     thrust = force.force.z - R.apply_T(reaction.force).z
-    return make_command(par, force.torque - reaction.torque, thrust, efforts)[0]
+    return make_command(par, force.torque - reaction.torque, thrust, efforts)
 
 
 def release_normal(touch: ObservedContact, wanted: Sequence[Scalar]) -> Scalars:

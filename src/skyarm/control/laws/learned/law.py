@@ -406,7 +406,7 @@ def compensate(
     efforts = differences(torques, unknown[6:])
     return make_command(
         par, force.torque - torque_B, force.force.z - force_B.z, efforts
-    )[0]
+    )
 
 
 def network_for(model: Model, network: Any) -> Network:

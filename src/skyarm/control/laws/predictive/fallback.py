@@ -214,7 +214,7 @@ def _computed_torque(
         force.torque - unknown.torque,
         (force.force - R.apply_T(unknown.force)).z,
         differences(torques, unknown.efforts),
-    )[0]
+    )
 
 
 def _near(yaw: Scalar, heading: Scalar) -> Scalar:

@@ -91,8 +91,7 @@ def guo_center_of_inertia(
     efforts = arm_alone(
         par, R, measurement.joints, joint_accelerations(par, measurement, reference)
     )
-    command, _ = make_command(par, torque, thrust, efforts)
-    return memory, command
+    return memory, make_command(par, torque, thrust, efforts)
 
 
 make_guo = law_maker("guo2023", guo_center_of_inertia)

@@ -167,7 +167,7 @@ def indi(
         angular=alpha - alpha_f,
         joint_accelerations=differences(qdd, qdd_f),
     )
-    command, _ = make_command(
+    command = make_command(
         par,
         torque + more.torque,
         along,

@@ -40,13 +40,18 @@ from skyarm.algebra import (
     sums,
 )
 from skyarm.algebra.scalars import clip, divide, logical_and, maximum, sqrt, tanh, where
-from skyarm.control.blocks.actuators import all_follow, joints_follow, rotors_follow
-from skyarm.control.blocks.common import coupled_forces, make_command, no_command
+from skyarm.control.blocks.actuators import (
+    all_follow,
+    joints_follow,
+    limit_efforts,
+    rotors_follow,
+)
+from skyarm.control.blocks.common import coupled_forces, no_command
 from skyarm.control.blocks.geometric import attitude_error, desired_attitude, rate_error
 from skyarm.control.controller import all_applied
 from skyarm.control.law_maker import law_maker
 from skyarm.control.model import Parameters
-from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.actuators import Command, mix
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.reference import Reference
@@ -187,7 +192,8 @@ def kim_sliding_mode(
     s_q, qdd = _arm(memory, measurement, reference, par)
     base = Motion(alpha, R.apply_T(up))
     force, torques = coupled_forces(par, measurement, base, qdd)
-    command, squares = make_command(par, force.torque, force.force.z, torques)
+    speeds, squares = mix(par.mixer, force.torque, force.force.z)
+    command = Command(rotor_speeds=speeds, efforts=limit_efforts(par, torques))
     # one actuator that was cut spoils every acceleration, so all adaptations stand
     # still
     unchanged = all_follow(memory.applied)

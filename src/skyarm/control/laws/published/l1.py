@@ -365,7 +365,7 @@ def _command(
         force.torque - filtered.torque_twice,
         force.force.z - filtered.thrust,
         torques,
-    )[0]
+    )
 
 
 def limits(model: Model) -> dict[str, Scalar]:
