@@ -175,14 +175,13 @@ def plain_model(model: Model) -> Model:
     """
     if not has_tables(model):
         return model
-    rotors = tuple(map(_plain, model.vehicle.rotors))
+    rotors = tuple(
+        rotor
+        if rotor.table is None
+        else replace(rotor, table=None, max_speed=_plain_speed(rotor, rotor.max_speed))
+        for rotor in model.vehicle.rotors
+    )
     return replace(model, vehicle=replace(model.vehicle, rotors=rotors))
-
-
-def _plain(rotor: Rotor) -> Rotor:
-    if rotor.table is None:
-        return rotor
-    return replace(rotor, table=None, max_speed=_plain_speed(rotor, rotor.max_speed))
 
 
 def _plain_speed(rotor: Rotor, speed: Scalar) -> Scalar:

@@ -173,7 +173,17 @@ def with_applied_command(memory: Any, sent: Command) -> Any:
     updated = replace(memory, sent=kept)
     if not hasattr(memory, "applied"):
         return updated
-    return replace(updated, applied=_applied_flags(commands[-1], sent))
+    desired = commands[-1]
+    # all rotors together, because each one bears part of every torque and of the thrust
+    rotors: Scalar = True
+    for a, b in zip(desired.rotor_speeds, sent.rotor_speeds, strict=True):
+        rotors = logical_and(rotors, logical_and(a <= b, a >= b))
+    joints = (
+        logical_and(a <= b, a >= b)
+        for a, b in zip(desired.efforts, sent.efforts, strict=True)
+    )
+    flags = tuple(where(same, 1.0, 0.0) for same in (rotors, *joints))
+    return replace(updated, applied=flags)
 
 
 def _stored_commands(memory: Any) -> tuple[Command, ...]:
@@ -294,18 +304,3 @@ def all_applied(joints: int) -> tuple[float, ...]:
     memory after that.
     """
     return (1.0,) * (1 + joints)
-
-
-def _applied_flags(desired: Command, sent: Command) -> Scalars:
-    """Flags for the rotors together and each joint: 1 where the applied command equals
-    the desired one, else 0.
-    """
-    # all rotors together, because each one bears part of every torque and of the thrust
-    rotors: Scalar = True
-    for a, b in zip(desired.rotor_speeds, sent.rotor_speeds, strict=True):
-        rotors = logical_and(rotors, logical_and(a <= b, a >= b))
-    joints = (
-        logical_and(a <= b, a >= b)
-        for a, b in zip(desired.efforts, sent.efforts, strict=True)
-    )
-    return tuple(where(same, 1.0, 0.0) for same in (rotors, *joints))

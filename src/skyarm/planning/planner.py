@@ -613,7 +613,12 @@ def guess_from(
             # along the normal, which is within every cone of friction
             u[edges[k] : edges[k + 1], -3:] = 0.3 * np.array([*phase.contact.normal])
     x[:, at.speeds] = 1.0
-    x[0, at.speeds] = start_speeds(task, stage)
+    # the trim of a level start, else a quarter of the thrust of hover
+    joints = task.start.joints or task.vehicle.zeros
+    trim = hover_trim(task.vehicle, joints, task.gravity)
+    x[0, at.speeds] = (
+        doubles(trim.speeds) / stage.stage.hover if is_level(task.start) else 0.5
+    )
     free = [
         length
         for phase, length in zip(task.phases, shape.lengths, strict=True)
@@ -644,17 +649,6 @@ def _turning(before: Quaternion, after: Quaternion, count: int, sense: float) ->
 def is_level(start: Start) -> bool:
     """True if the base is level at the start."""
     return abs(start.attitude[0]) + abs(start.attitude[1]) < 1e-6
-
-
-def start_speeds(task: Task, stage: CompiledStage) -> list[float]:
-    """Rotor speeds at the start over those of hover: the trim of a level start, else a
-    quarter of its thrust.
-    """
-    trim = hover_trim(
-        task.vehicle, task.start.joints or task.vehicle.zeros, task.gravity
-    )
-    level = is_level(task.start)
-    return [float(speed) / stage.stage.hover if level else 0.5 for speed in trim.speeds]
 
 
 def plan(
@@ -1182,16 +1176,14 @@ def impossible(task: Task) -> str:
             return (
                 f"start: {pair.volume} and {pair.other} overlap by {-float(gap):.3g} m"
             )
-    tilts = [(f"phases[{k}].tilt", each.tilt) for k, each in enumerate(task.phases)]
-    most = [
-        (word, tilt) if tilt is not None else ("limits.tilt", limits.tilt)
-        for word, tilt in tilts
+    # the start as a goal, within the tilt of the first phase
+    begins = Goal(attitude=task.start.attitude, joints=start)
+    places = [("start", 0, begins)] + [
+        (f"phases[{k}] {phase.name!r}: to", k, phase.to)
+        for k, phase in enumerate(task.phases)
     ]
-    places = [("start", most[0], Goal(attitude=task.start.attitude, joints=start))]
-    for k, phase in enumerate(task.phases):
-        places.append((f"phases[{k}] {phase.name!r}: to", most[k], phase.to))
     lift = limits.thrust_share * float(highest_thrust(vehicle))
-    for at, (stated, tilt), goal in places:
+    for at, k, goal in places:
         for joint, value in zip(vehicle.joints, goal.joints, strict=False):
             low, high = joint.ends
             if not low <= value <= high:
@@ -1202,6 +1194,9 @@ def impossible(task: Task) -> str:
         up = float(goal_attitude(goal).rotation().rows[2].z)
         # rounding may take the cosine beyond 1
         lean = math.acos(max(-1.0, min(1.0, up)))
+        stated, tilt = f"phases[{k}].tilt", task.phases[k].tilt
+        if tilt is None:
+            stated, tilt = "limits.tilt", limits.tilt
         if lean > tilt + TOLERANCE:
             return f"{at}.attitude: is tilted by {lean:.4g} rad, {stated} is {tilt:.4g}"
         fast = float(goal.velocity.norm()) if goal.velocity else 0.0

@@ -153,13 +153,6 @@ def calm_wrench(vehicle: Vehicle, speeds: Sequence[Scalar]) -> Force:
     return total
 
 
-def hub_drag(vehicle: Vehicle, speeds: Sequence[Scalar]) -> Scalar:
-    """Hub drag of a level vehicle's rotors per horizontal velocity, N s/m."""
-    return neg(
-        inner_product([neg(rotor.drag_coefficient) for rotor in vehicle.rotors], speeds)
-    )
-
-
 def reference_drag(
     model: Model, state: State, base: Sequence[Vec3], *, sideways: bool, moving: bool
 ) -> list[Vec3]:

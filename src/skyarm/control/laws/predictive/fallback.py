@@ -189,11 +189,16 @@ def _computed_torque(
     vehicle = model.vehicle
     R = reading.rotation
     pushed = unknown.force * divide(1.0, vehicle.mass)
+    # the attitude error is the sine of the turn: a nose that points backwards would
+    # take the torque from the tilt, so it turns by no more at once, the shorter way
+    heading = yaw_of(reading.quaternion)
+    off = values[3] - heading
+    off = atan2(sin(off), cos(off))
     goal = Reference(
         position=Vec3(*values[:3]),
         velocity=Vec3(*rates[:3]),
         acceleration=Vec3(*accelerations[:3]) - pushed,
-        yaw=_near(values[3], yaw_of(reading.quaternion)),
+        yaw=heading + maximum(-TURN, minimum(off, TURN)),
         yaw_rate=rates[3],
         joints=tuple(values[4:]),
         joint_rates=tuple(rates[4:]),
@@ -215,18 +220,6 @@ def _computed_torque(
         (force.force - R.apply_T(unknown.force)).z,
         differences(torques, unknown.efforts),
     )
-
-
-def _near(yaw: Scalar, heading: Scalar) -> Scalar:
-    """Desired yaw (rad) limited to :data:`TURN` from the present heading, on the
-    shorter side.
-
-    The attitude error is the sine of the turn: a nose that points backwards would take
-    the torque from the tilt.
-    """
-    off = yaw - heading
-    off = atan2(sin(off), cos(off))
-    return heading + maximum(-TURN, minimum(off, TURN))
 
 
 def _climbable(force: Vec3, gravity: Scalar) -> Vec3:

@@ -135,7 +135,12 @@ def indi(
     """
     vehicle, R, n = par.model.vehicle, measurement.rotation, par.model.vehicle.n
     first = memory.started < 0.5
-    speeds = _speeds(memory, measurement, par, first, dt)
+    speeds = measurement.rotor_speeds
+    if not par.measured_speeds:
+        # modelled by the commands that are as late as the measurement
+        late = memory.sent[0].rotor_speeds
+        turned = speeds_after(vehicle.rotors, memory.speeds, late, dt)
+        speeds = choose_each(first, speeds, turned)
     # before the first command the joints are taken to hold the arm
     hold = arm_alone(par, R, measurement.joints, (0,) * n)
     taps, signals = _filter_signals(
@@ -184,22 +189,6 @@ def indi(
         speeds=() if par.measured_speeds else speeds,
     )
     return following, command
-
-
-def _speeds(
-    memory: IndiMemory,
-    measurement: Measurement,
-    par: IndiParameters,
-    first: Scalar,
-    dt: Scalar,
-) -> Scalars:
-    """Rotor speeds: measured, or modelled with the measurement's delay."""
-    if par.measured_speeds:
-        return measurement.rotor_speeds
-    turned = speeds_after(
-        par.model.vehicle.rotors, memory.speeds, memory.sent[0].rotor_speeds, dt
-    )
-    return choose_each(first, measurement.rotor_speeds, turned)
 
 
 def _filter_signals(
