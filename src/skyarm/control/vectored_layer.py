@@ -40,7 +40,7 @@ from skyarm.dynamics.actuators.tilting import (
     turn_rotors,
 )
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import is_record
+from skyarm.records.leaves import as_data, is_record
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -216,15 +216,15 @@ def _motor_lag(rotor: Rotor) -> Scalar:
 
 def _lagging_angles(
     vehicle: Vehicle, angles: Sequence[Scalar], goals: Sequence[Scalar], dt: Scalar
-) -> list[Scalar]:
+) -> Scalars:
     """Tilt servo angles one control period later, computed with the motor lag of the
     rotors as servo lag.
     """
     rotors = [each for each in vehicle.rotors if each.tilt is not None]
-    return [
+    return tuple(
         add(goal, mul(sub(now, goal), exp(divide(sub(0.0, dt), _motor_lag(rotor)))))
         for rotor, now, goal in zip(rotors, angles, goals, strict=True)
-    ]
+    )
 
 
 def vectored_law(
@@ -260,13 +260,13 @@ def vectored_law(
     )
     moved = VectoredMemory(
         inner=following,
-        goals=tuple(map(data, goals)),
-        angles=tuple(map(data, angles_after(vehicle, angles, setpoints, dt))),
-        matched=tuple(map(data, _lagging_angles(vehicle, memory.matched, goals, dt))),
+        goals=as_data(goals),
+        angles=as_data(angles_after(vehicle, angles, setpoints, dt)),
+        matched=as_data(_lagging_angles(vehicle, memory.matched, goals, dt)),
     )
     speeds = tuple(data(sqrt(maximum(each, 0.0))) for each in squares)
     return moved, Command(
-        rotor_speeds=speeds, efforts=command.efforts, tilts=tuple(map(data, setpoints))
+        rotor_speeds=speeds, efforts=command.efforts, tilts=as_data(setpoints)
     )
 
 

@@ -93,14 +93,14 @@ from skyarm.control.blocks.prediction import (
     rotor_wrench,
     with_side,
 )
-from skyarm.control.blocks.select import choose_each, vector_data
+from skyarm.control.blocks.select import choose_each
 from skyarm.control.blocks.stale_readings import Fresh, ReadingSums
 from skyarm.control.law_maker import option_numbers
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import blend
+from skyarm.records.leaves import as_data, blend, parts
 from skyarm.records.units import Unit, positive
 from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle import Joint
@@ -297,7 +297,7 @@ def measure_translation(
         + seen.change * (1.0 - share),
         heard=share,
         agreed=data(agreed),
-        integrated=vector_data(integrated),
+        integrated=as_data(integrated),
         beside=beside,
     )
 
@@ -465,7 +465,7 @@ def observe(
             d + mul(p, f)
             for d, p, f in zip(memory.efforts, pulls, yielding, strict=True)
         ),
-        rotor_speeds=tuple(map(data, speeds)),
+        rotor_speeds=as_data(speeds),
         bias=base.bias,
         joint_residuals=residuals,
         readings=readings,
@@ -475,11 +475,11 @@ def observe(
     )
     begun = replace(
         place,
-        velocity=vector_data(measurement.velocity),
-        rate=vector_data(measurement.rate),
-        joint_rates=tuple(map(data, measurement.joint_rates)),
+        velocity=as_data(measurement.velocity),
+        rate=as_data(measurement.rate),
+        joint_rates=as_data(measurement.joint_rates),
         readings=readings,
-        integrated=vector_data(measurement.velocity) if memory.integrated else (),
+        integrated=as_data(measurement.velocity) if memory.integrated else (),
     )
     return blend(started > 0.5, learned, begun), ObserverCorrections(
         amid=amid,
@@ -674,11 +674,7 @@ def inertia_times(
     force, torques = dynamics.inverse_dynamics(
         model.vehicle, joints, ZERO3, still, base, joint
     )
-    return (
-        vector_data(R.apply(force.force)),
-        vector_data(force.torque),
-        tuple(map(data, torques)),
-    )
+    return as_data((R.apply(force.force), force.torque, torques))
 
 
 @immutable
@@ -761,13 +757,7 @@ class Observed:
         """Observer state minus a part of the estimated disturbance that the
         feed-forward compensates from now on.
         """
-        less = disturbance(self) - known
-        return replace(
-            self,
-            force=vector_data(less.force),
-            torque=vector_data(less.torque),
-            efforts=tuple(map(data, less.efforts)),
-        )
+        return replace(self, **parts(as_data(disturbance(self) - known)))
 
 
 @immutable

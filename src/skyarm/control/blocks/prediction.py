@@ -24,8 +24,7 @@ from skyarm.algebra import (
     inner_product,
     sums,
 )
-from skyarm.algebra.scalars import add, data, mul, neg, sub
-from skyarm.control.blocks.select import vector_data
+from skyarm.algebra.scalars import add, mul, neg, sub
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import (
@@ -38,6 +37,7 @@ from skyarm.dynamics.actuators import (
 from skyarm.dynamics.actuators.mixer import allocation_matrix
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import as_data
 from skyarm.records.units import Unit
 from skyarm.vehicle import Vehicle
 
@@ -81,13 +81,15 @@ class Disturbance:
         """Disturbance after one low-pass step towards a new one, with a separate filter
         gain for the force.
         """
-        return Disturbance(
-            force=vector_data(self.force + (new.force - self.force) * force_share),
-            torque=vector_data(self.torque + (new.torque - self.torque) * share),
-            efforts=tuple(
-                data(b + (e - b) * share)
-                for b, e in zip(self.efforts, new.efforts, strict=True)
-            ),
+        return as_data(
+            Disturbance(
+                force=self.force + (new.force - self.force) * force_share,
+                torque=self.torque + (new.torque - self.torque) * share,
+                efforts=tuple(
+                    b + (e - b) * share
+                    for b, e in zip(self.efforts, new.efforts, strict=True)
+                ),
+            )
         )
 
 
@@ -330,6 +332,6 @@ def predict_across(
             q + (a + b) * (0.5 * h)
             for q, a, b in zip(x.joints, x.joint_rates, rates, strict=True)
         ),
-        joint_rates=tuple(map(data, rates)),
+        joint_rates=as_data(rates),
         rotor_speeds=done.speeds,
     )

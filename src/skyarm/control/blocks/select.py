@@ -10,13 +10,6 @@ from skyarm.algebra import Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import data, where
 
 
-def vector_data(v: Vec3) -> Vec3:
-    """Vector with int constants as floats, so that a law's internal state keeps its
-    data types.
-    """
-    return Vec3(*map(data, v))
-
-
 def choose(condition: Scalar, a: Vec3, b: Vec3) -> Vec3:
     """Vector ``a`` where the condition holds, else ``b``."""
     return Vec3(*choose_each(condition, a, b))

@@ -47,7 +47,6 @@ from skyarm.algebra.scalars import (
 from skyarm.control.blocks.attitude import derivative, posture
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
-from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import TipLevers, levers
 from skyarm.control.laws.centroidal.parameters import (
     CentroidalParameters,
@@ -59,6 +58,7 @@ from skyarm.control.laws.centroidal.step_records import Planned, ReferenceMotion
 from skyarm.dynamics import mass_matrix_at_rest
 from skyarm.dynamics.kinematics import jacobian_columns
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import as_data
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.vehicle import Vehicle
@@ -429,13 +429,9 @@ def adapt(
         motion.
         """
         rows = zip(unit.efforts, dampings, turned, strict=True)
-        efforts = tuple(
-            data(sub(mul(kg, effort), mul(b, rate))) for effort, b, rate in rows
-        )
-        return Disturbance(
-            force=vector_data(unit.force * kg),
-            torque=vector_data(unit.torque * kg),
-            efforts=efforts,
+        efforts = tuple(sub(mul(kg, effort), mul(b, rate)) for effort, b, rate in rows)
+        return as_data(
+            Disturbance(force=unit.force * kg, torque=unit.torque * kg, efforts=efforts)
         )
 
     inside, rest = gains.split_damping(joints)
@@ -470,7 +466,7 @@ def filter_signals(
     loads: Sequence[Scalar] = vehicle.zeros
     if gains.load is not None:
         at = levers(vehicle, measurement.rotation, measurement.joints)
-        velocity = vector_data(
+        velocity = as_data(
             at.velocity(measurement.velocity, measurement.rate, measurement.joint_rates)
         )
         # the first measurement has none before it

@@ -24,10 +24,10 @@ from skyarm.control.blocks.attitude import (
     reachable,
     vector_series,
 )
-from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.step_records import RotorForce
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import as_data
 from skyarm.records.units import Unit
 
 
@@ -240,7 +240,7 @@ def update_arm_motion(
     h = derivative(com, 0)
     return ArmMotion(
         size=memory.size + rate * (size - memory.size),
-        mean=vector_data(memory.mean + (h - memory.mean) * (MEAN * dt)),
+        mean=as_data(memory.mean + (h - memory.mean) * (MEAN * dt)),
     )
 
 

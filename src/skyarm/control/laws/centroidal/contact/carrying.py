@@ -58,7 +58,6 @@ from skyarm.control.blocks.center_of_mass import central_inertia, locked_inertia
 from skyarm.control.blocks.disturbance_observer import disturbance
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
-from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import AXES, ForceErrors, LeastSquares
 from skyarm.control.laws.centroidal.parameters import (
     CentroidalParameters,
@@ -74,6 +73,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.coerce import absent
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import as_data
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.reference import Reference
 from skyarm.reference.carry import Carry
@@ -294,7 +294,7 @@ class CarryingGains(OptionalPart):
             carry.forgotten_force * dt - by_tilt,
             carry.forgotten_moment * dt,
         )
-        forgets = replace(forgets, force=vector_data(forgets.force + by_tilt))
+        forgets = replace(forgets, force=as_data(forgets.force + by_tilt))
         shift = zip(
             carry.offset, carry.offset_rate, carry.offset_acceleration, strict=True
         )
@@ -321,22 +321,25 @@ class CarryingGains(OptionalPart):
         effect = replace(
             effect, signals=signals, ahead=ahead, forgets=forgets, force_rate=rate
         )
-        memory = CarryingMemory(
-            share=data(
-                memory.share + (carry.held - memory.share) * low_pass_share(QUICK, dt)
-            ),
-            ahead=given[1],
-            earlier=(memory.ahead, *memory.earlier)[: len(memory.earlier)],
-            bias=bias,
-            force=vector_data(force),
-            moment=vector_data(moment),
-            behind=vector_data(desired - tip_of(vehicle, step.state)),
-            limits=largest_load(
-                PointMotion(step.vehicle, step.state, gravity=step.par.model.gravity)
-            ),
-            mass=data(carry.mass),
-            tilting=tilting,
-            heavy=data(inertia_ratio(step.vehicle, observed.joints)),
+        memory = as_data(
+            CarryingMemory(
+                share=memory.share
+                + (carry.held - memory.share) * low_pass_share(QUICK, dt),
+                ahead=given[1],
+                earlier=(memory.ahead, *memory.earlier)[: len(memory.earlier)],
+                bias=bias,
+                force=force,
+                moment=moment,
+                behind=desired - tip_of(vehicle, step.state),
+                limits=largest_load(
+                    PointMotion(
+                        step.vehicle, step.state, gravity=step.par.model.gravity
+                    )
+                ),
+                mass=carry.mass,
+                tilting=tilting,
+                heavy=inertia_ratio(step.vehicle, observed.joints),
+            )
         )
         return memory, effect.isolating(where(holding, 0.0, 1.0))
 
@@ -448,12 +451,8 @@ def planned_effect(
     f, n, frame = R.apply_T(force), R.apply_T(moment), held_at(vehicle)
     columns = jacobian_columns(vehicle, frame, reference.joints, summed=True)
     tip = frame_pose(vehicle, frame, reference.joints, summed=True).p
-    efforts = tuple(
-        data(add(each.linear.dot(f), each.angular.dot(n))) for each in columns
-    )
-    return Disturbance(
-        force=vector_data(force), torque=vector_data(tip.cross(f) + n), efforts=efforts
-    )
+    efforts = tuple(add(each.linear.dot(f), each.angular.dot(n)) for each in columns)
+    return as_data(Disturbance(force=force, torque=tip.cross(f) + n, efforts=efforts))
 
 
 def tip_wrench(
