@@ -16,9 +16,12 @@ from typing import Any
 from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.algebra.scalars import Scalar, divide, mul, sqrt, where
 from skyarm.control.blocks.geometric import (
-    attitude_loop,
+    angular_acceleration,
+    attitude_error,
     body_thrust,
+    desired_attitude,
     downward_acceleration,
+    rate_error,
     yaw_of,
 )
 from skyarm.control.model import GeometricGains
@@ -125,15 +128,12 @@ def rotors_sim_lee_command(
         velocity_error=R.apply(Vec3(*v_B)) - Vec3(*v_ref_W),
         acceleration=Vec3(*a_ref_W),
     )
-    alpha = attitude_loop(
+    R_d = desired_attitude(a_d, yaw_of(message_quaternion(*q_ref_wxyz)), R)
+    alpha = angular_acceleration(
         gains,
         vehicle.base.inertia,
-        a_d=a_d,
-        yaw=yaw_of(message_quaternion(*q_ref_wxyz)),
-        yaw_rate=yaw_rate,
-        R_WB=R,
-        w_B=Vec3(*w_B),
-        rate_form=rate_form,
+        attitude_error(R, R_d),
+        rate_error(Vec3(*w_B), R, R_d, yaw_rate, rate_form),
     )
     thrust = body_thrust(mass, a_d, R)
     speeds, squared = mix(

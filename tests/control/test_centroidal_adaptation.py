@@ -16,12 +16,12 @@ import skyarm
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.prediction import Disturbance
+from skyarm.control.blocks.tip_force import levers
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.adaptation import (
     adapt,
     adaptation_gains,
     felt_load,
-    tip_velocity,
     unit_load,
 )
 from skyarm.control.laws.centroidal.step_records import Planned
@@ -224,10 +224,15 @@ def test_a_load_takes_of_the_measured_joints_what_pinocchio_needs_more_for_it(jo
         )
 
     h = 1e-5
-    change = (
-        tip_velocity(vehicle, reading(h)) - tip_velocity(vehicle, reading(-h))
-    ) * (0.5 / h)
-    found = felt_load(vehicle, reading(0.0), change + Vec3(0.0, 0.0, 9.81))
+
+    def tip_velocity(seen):
+        at = levers(vehicle, seen.rotation, seen.joints)
+        return at.velocity(seen.velocity, seen.rate, seen.joint_rates)
+
+    change = (tip_velocity(reading(h)) - tip_velocity(reading(-h))) * (0.5 / h)
+    seen = reading(0.0)
+    at = levers(vehicle, seen.rotation, seen.joints)
+    found = felt_load(at, change + Vec3(0.0, 0.0, 9.81))
     acceleration = np.concatenate([pull, turning, bending])
     carried = TWINS["pinocchio"](vehicle.with_payload(1.0)).inverse_dynamics(
         state, acceleration, 9.81

@@ -229,11 +229,11 @@ def test_joints_without_a_largest_effort_have_torques_all_the_same() -> None:
     found = plan(
         dataclasses.replace(own, vehicle=own.vehicle.with_joints(effort_limit=np.inf))
     )
-    bodies, n, hover = Bodies(own.vehicle), own.vehicle.n, np.array(found.stage.hover)
+    bodies, at = Bodies(own.vehicle), found.stage.at
     for x, torques in zip(found.x, found.torques, strict=True):
         speeds, joints = (
-            x[13 + 2 * n : 13 + 2 * n + len(hover)] * hover,
-            x[found.stage.at.arm] * ARM_UNIT,
+            x[at.speeds] * found.stage.hover,
+            x[at.arm] * ARM_UNIT,
         )
         np.testing.assert_allclose(
             bodies.accelerations(x, speeds, joints, np.zeros(3))[1], torques, atol=1e-8
@@ -251,16 +251,8 @@ def test_the_last_node_has_limits_of_joint_torques() -> None:
     found = plan(
         dataclasses.replace(own, vehicle=own.vehicle.with_joints(effort_limit=0.3))
     )
-    bodies, n, end, hover = (
-        Bodies(own.vehicle),
-        own.vehicle.n,
-        found.x[-1],
-        np.array(found.stage.hover),
-    )
-    speeds, joints = (
-        end[13 + 2 * n : 13 + 2 * n + len(hover)] * hover,
-        end[found.stage.at.arm] * ARM_UNIT,
-    )
+    bodies, end, at = Bodies(own.vehicle), found.x[-1], found.stage.at
+    speeds, joints = end[at.speeds] * found.stage.hover, end[at.arm] * ARM_UNIT
     torques = bodies.accelerations(end, speeds, joints, np.zeros(3))[1]
     assert 0.5 < np.abs(torques).max() / (0.3 * own.limits.torque_share) < 1.0 + 2e-6
 

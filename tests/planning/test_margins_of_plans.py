@@ -167,12 +167,12 @@ def test_joints_keep_off_their_limits_but_where_start_or_goal_say_so() -> None:
         at_limit.task,
         phases=(PlanPhase(to=Goal(base=Vec3(0.0, 0.0, 1.5)), duration=1.5),),
     )
-    assert at_limit.stage.limits.ranges[0][1] == high
-    assert plan(off).stage.limits.ranges[0][1] == pytest.approx(high - margin)
+    assert at_limit.stage.ranges[0][1] == high
+    assert plan(off).stage.ranges[0][1] == pytest.approx(high - margin)
     assert (
         plan(
             dataclasses.replace(off, start=Start(joints=(-high, 0.0, 0.0)))
-        ).stage.limits.ranges[0][0]
+        ).stage.ranges[0][0]
         == -high
     )
 

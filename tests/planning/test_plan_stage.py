@@ -298,9 +298,8 @@ def test_goals_of_the_tip_are_those_of_mujoco(rich) -> None:
 
 def test_a_body_at_rest_on_its_rotors_is_still() -> None:
     found = catch()
-    bodies, hover = Bodies(found.task.vehicle), np.array(found.stage.hover)
-    n, last = found.task.vehicle.n, found.x[-1]
-    speeds = last[13 + 2 * n : 13 + 2 * n + len(hover)] * hover
+    bodies, n, last = Bodies(found.task.vehicle), found.task.vehicle.n, found.x[-1]
+    speeds = last[found.stage.at.speeds] * found.stage.hover
     a, _ = bodies.accelerations(last, speeds, np.zeros(n), np.zeros(3))
     assert np.abs(a[:3]).max() < 2e-5
     assert np.abs(a[3:6]).max() < 1e-4

@@ -19,6 +19,7 @@ from skyarm.control.controller import (
     ControllerError,
     Law,
     innermost,
+    layers,
     with_innermost,
 )
 from skyarm.control.law_checks import check_controller, checked_law, wrong
@@ -40,7 +41,7 @@ from skyarm.records.leaves import Place, Tree, blend, is_record
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
-from skyarm.vehicle import Rotor, Vehicle
+from skyarm.vehicle import Rotor
 
 
 @immutable
@@ -174,14 +175,13 @@ def plain_model(model: Model) -> Model:
     """
     if not has_tables(model):
         return model
-    rotors = tuple(map(_plain, model.vehicle.rotors))
+    rotors = tuple(
+        rotor
+        if rotor.table is None
+        else replace(rotor, table=None, max_speed=_plain_speed(rotor, rotor.max_speed))
+        for rotor in model.vehicle.rotors
+    )
     return replace(model, vehicle=replace(model.vehicle, rotors=rotors))
-
-
-def _plain(rotor: Rotor) -> Rotor:
-    if rotor.table is None:
-        return rotor
-    return replace(rotor, table=None, max_speed=_plain_speed(rotor, rotor.max_speed))
 
 
 def _plain_speed(rotor: Rotor, speed: Scalar) -> Scalar:
@@ -264,11 +264,9 @@ def commands_actuators(controller: Controller) -> bool:
     """True of a law whose commands are those of real actuators, in its layers or by
     itself.
     """
-    par = controller.par
-    while not getattr(par, "commands_actuators", False):
-        if not is_record(par := getattr(par, "inner", None)):
-            return False
-    return True
+    return any(
+        getattr(par, "commands_actuators", False) for par in layers(controller.par)
+    )
 
 
 def _first_memories(drives: Sequence[Drive], control_period: float) -> tuple[Tree, ...]:
@@ -354,13 +352,11 @@ def measured_places(controller: Controller) -> tuple[Place, ...]:
     """Places, in a controller, of the constants of its layers that are measured on the
     law inside.
     """
-    par = controller.par
-    places = list[Place]()
-    at: Place = ("par",)
-    while is_record(getattr(par, "inner", None)):
-        places += [(*at, *place) for place in getattr(par, "measured_limits", ())]
-        par, at = par.inner, (*at, "inner")
-    return tuple(places)
+    return tuple(
+        ("par", *("inner",) * depth, *place)
+        for depth, par in enumerate(layers(controller.par))
+        for place in getattr(par, "measured_limits", ())
+    )
 
 
 def believed_drives(model: Model) -> tuple[Drive, ...]:
@@ -417,7 +413,11 @@ def _setpoints(
     desired mean joint torques.
     """
     setpoints, drives, ahead = [], [], []
-    angles = _angles(plain.vehicle, memory, measurement)
+    inner = memory.inner
+    still = (0.0,) * len(plain.vehicle.tilts)
+    angles = angles_seen(
+        measurement, inner.angles if isinstance(inner, VectoredMemory) else still
+    )
     started = memory.started > 0.5
     rows = zip(
         believed_drives(model),
@@ -458,23 +458,6 @@ def _mean_motion(
     square = add(mul(ahead, ahead), dt * dt / 12.0)
     return add(add(q, mul(qd, ahead)), mul(qdd, mul(0.5, square))), add(
         qd, mul(qdd, ahead)
-    )
-
-
-def _angles(
-    vehicle: Vehicle, memory: ActuatorMemory, measurement: Measurement
-) -> Scalars:
-    """Angles (rad) of the tilting rotors: measured if available, else estimated by the
-    inner law, else zero.
-    """
-    inner = memory.inner
-    return angles_seen(
-        measurement,
-        (
-            inner.angles
-            if isinstance(inner, VectoredMemory)
-            else (0.0,) * len(vehicle.tilts)
-        ),
     )
 
 

@@ -4,7 +4,7 @@ state.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -121,6 +121,15 @@ def _whole(par: Any) -> Any:
     return replace(par, inner=_whole(filled))
 
 
+def layers(record: Any) -> Iterator[Any]:
+    """Constants or internal states of a law's layers, the outermost first, and at last
+    of the law itself.
+    """
+    yield record
+    if is_record(inner := getattr(record, "inner", None)):
+        yield from layers(inner)
+
+
 def innermost(record: Any) -> Any:
     """Constants or internal state of the control law inside all layers such as safety
     or servos.
@@ -128,9 +137,8 @@ def innermost(record: Any) -> Any:
     Layers share model and mixer, which stand with the outermost and are None in what
     this gives.
     """
-    while is_record(inner := getattr(record, "inner", None)):
-        record = inner
-    return record
+    *_, own = layers(record)
+    return own
 
 
 def with_innermost(record: Any, own: Tree) -> Any:
@@ -165,7 +173,17 @@ def with_applied_command(memory: Any, sent: Command) -> Any:
     updated = replace(memory, sent=kept)
     if not hasattr(memory, "applied"):
         return updated
-    return replace(updated, applied=_applied_flags(commands[-1], sent))
+    desired = commands[-1]
+    # all rotors together, because each one bears part of every torque and of the thrust
+    rotors: Scalar = True
+    for a, b in zip(desired.rotor_speeds, sent.rotor_speeds, strict=True):
+        rotors = logical_and(rotors, logical_and(a <= b, a >= b))
+    joints = (
+        logical_and(a <= b, a >= b)
+        for a, b in zip(desired.efforts, sent.efforts, strict=True)
+    )
+    flags = tuple(where(same, 1.0, 0.0) for same in (rotors, *joints))
+    return replace(updated, applied=flags)
 
 
 def _stored_commands(memory: Any) -> tuple[Command, ...]:
@@ -286,18 +304,3 @@ def all_applied(joints: int) -> tuple[float, ...]:
     memory after that.
     """
     return (1.0,) * (1 + joints)
-
-
-def _applied_flags(desired: Command, sent: Command) -> Scalars:
-    """Flags for the rotors together and each joint: 1 where the applied command equals
-    the desired one, else 0.
-    """
-    # all rotors together, because each one bears part of every torque and of the thrust
-    rotors: Scalar = True
-    for a, b in zip(desired.rotor_speeds, sent.rotor_speeds, strict=True):
-        rotors = logical_and(rotors, logical_and(a <= b, a >= b))
-    joints = (
-        logical_and(a <= b, a >= b)
-        for a, b in zip(desired.efforts, sent.efforts, strict=True)
-    )
-    return tuple(where(same, 1.0, 0.0) for same in (rotors, *joints))

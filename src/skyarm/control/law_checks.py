@@ -355,12 +355,10 @@ def _is_number(value: object) -> bool:
 
 def kind_of(value: object) -> str:
     """Short description of a value's type."""
-    if value is None or isinstance(value, (int, str)):
-        return (
-            shown(value)
-            if not isinstance(value, int) or isinstance(value, bool)
-            else f"the int {value}"
-        )
+    if value is None or isinstance(value, (bool, str)):
+        return shown(value)
+    if isinstance(value, int):
+        return f"the int {value}"
     if isinstance(value, tuple):
         return f"a tuple of {len(value)}"
     if isinstance(value, np.ndarray):
@@ -436,8 +434,12 @@ def try_law(
         return law(memory, measured, reference, period, par=par)
 
     start = in_floats(controller.memory)
+    drifting = (
+        replace(perturb(seen, k), time=float(seen.time) + k * period)
+        for k in range(PERIODS)
+    )
     # a flight may have fewer periods
-    instants = list(zip(_drifting(seen, period), wanted, strict=False))
+    instants = list(zip(drifting, wanted, strict=False))
     expected = _results_with_floats(controller, step, start, instants)
     program = trace(step, start, *instants[0])
     now: Numbers = tuple(leaves(start))
@@ -445,7 +447,9 @@ def try_law(
         numbers = program.flat((*now, *leaves(instant)))
         if k == 0:
             _require_numbers(controller, instant, numbers[len(now) :])
-        if k < len(expected) and not _same_numbers(numbers, expected[k]):
+        if k < len(expected) and not np.array_equal(
+            np.array(numbers, float), np.array(expected[k], float), equal_nan=True
+        ):
             raise wrong(
                 controller,
                 f"gives other numbers as a program in period {k} than with floats:"
@@ -501,13 +505,6 @@ def _results_with_floats(
     return results
 
 
-def _same_numbers(first: Sequence[Scalar], second: Sequence[Scalar]) -> bool:
-    """True if two sequences contain the same numbers; NaN equals NaN."""
-    return np.array_equal(
-        np.array(first, float), np.array(second, float), equal_nan=True
-    )
-
-
 def _require_numbers(
     controller: Controller, instant: tuple[Tree, ...], command: Sequence[float]
 ) -> None:
@@ -544,16 +541,6 @@ def _require_numbers(
         warnings.warn(
             f"{fault}; a flight clips it and counts it as saturation", stacklevel=2
         )
-
-
-def _drifting(first: Measurement, period: float) -> list[Measurement]:
-    """Measurements of a slowly drifting vehicle, one per period, for the trial of a
-    law.
-    """
-    return [
-        replace(perturb(first, k), time=float(first.time) + k * period)
-        for k in range(PERIODS)
-    ]
 
 
 def perturb(record: Measurement, k: int) -> Measurement:

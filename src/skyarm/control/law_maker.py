@@ -177,13 +177,6 @@ def law_maker(
     return make
 
 
-def constants_of(maker: Callable[..., Any]) -> type[Parameters]:
-    """Class of a law's constants, whose fields declare the units of its options; the
-    shared one for other functions.
-    """
-    return getattr(maker, "constants", Parameters)
-
-
 def checked_option(
     kind: type,
     option: str,

@@ -166,6 +166,12 @@ class Terms:
         return cls(**dict.fromkeys(names, False))
 
 
+MeasurementAge = Annotated[
+    int, Unit("control periods", "known age of the measurement", low=0, high=100)
+]
+"""Known age of the measurement, as constants of several laws declare it."""
+
+
 @immutable
 class Parameters:
     """Constants of a law: model, gains, mixer and options.

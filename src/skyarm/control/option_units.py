@@ -13,10 +13,9 @@ from dataclasses import replace
 
 from skyarm.control.blocks.geometric import RATE_ERRORS
 from skyarm.control.catalogue import entry_of
-from skyarm.control.law_maker import constants_of
 from skyarm.control.laws.centroidal.options import GAINS, RANGES, VALUES
 from skyarm.control.laws.centroidal.parameters import MODES
-from skyarm.control.model import Options, Terms
+from skyarm.control.model import Options, Parameters, Terms
 from skyarm.dynamics.actuators.mixer import POLICIES
 from skyarm.records.files import shipped_tables
 from skyarm.records.immutable import positional
@@ -92,7 +91,9 @@ def option_texts(law: str) -> dict[str, OptionText]:
     """
     entry = entry_of(law)
     maker = entry.function()
-    fields = declared_fields(getattr(maker, "kind", constants_of(maker)))
+    # of a law of law_maker, of an autopilot, of other functions
+    kind = getattr(maker, "constants", getattr(maker, "kind", Parameters))
+    fields = declared_fields(kind)
     declared = declared_units(Options) | declared_units(maker)
     usual = {name: each.default for name, each in parameters_of(maker).items()}
     texts = {}

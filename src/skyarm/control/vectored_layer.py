@@ -24,9 +24,10 @@ from skyarm.algebra.scalars import (
     mul,
     sqrt,
     sub,
+    total,
     where,
 )
-from skyarm.control.controller import Controller, ControllerError, Law
+from skyarm.control.controller import Controller, ControllerError, Law, layers
 from skyarm.control.law_checks import check_controller, checked_law
 from skyarm.control.model import LayerParameters, Model
 from skyarm.dynamics.actuators import Command, allocation_matrix
@@ -39,7 +40,7 @@ from skyarm.dynamics.actuators.tilting import (
     turn_rotors,
 )
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import is_record
+from skyarm.records.leaves import as_data, is_record
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -133,10 +134,7 @@ def law_inside(controller: Controller) -> Controller:
 
 def turns_rotors(controller: Controller) -> bool:
     """True if a law, inside any layers, commands angles of tilting rotors."""
-    par = controller.par
-    while par is not None and not getattr(par, "turns_rotors", False):
-        par = getattr(par, "inner", None)
-    return par is not None
+    return any(getattr(par, "turns_rotors", False) for par in layers(controller.par))
 
 
 def pairs_model(model: Model) -> Model:
@@ -218,15 +216,15 @@ def _motor_lag(rotor: Rotor) -> Scalar:
 
 def _lagging_angles(
     vehicle: Vehicle, angles: Sequence[Scalar], goals: Sequence[Scalar], dt: Scalar
-) -> list[Scalar]:
+) -> Scalars:
     """Tilt servo angles one control period later, computed with the motor lag of the
     rotors as servo lag.
     """
     rotors = [each for each in vehicle.rotors if each.tilt is not None]
-    return [
+    return tuple(
         add(goal, mul(sub(now, goal), exp(divide(sub(0.0, dt), _motor_lag(rotor)))))
         for rotor, now, goal in zip(rotors, angles, goals, strict=True)
-    ]
+    )
 
 
 def vectored_law(
@@ -262,13 +260,13 @@ def vectored_law(
     )
     moved = VectoredMemory(
         inner=following,
-        goals=tuple(map(data, goals)),
-        angles=tuple(map(data, angles_after(vehicle, angles, setpoints, dt))),
-        matched=tuple(map(data, _lagging_angles(vehicle, memory.matched, goals, dt))),
+        goals=as_data(goals),
+        angles=as_data(angles_after(vehicle, angles, setpoints, dt)),
+        matched=as_data(_lagging_angles(vehicle, memory.matched, goals, dt)),
     )
     speeds = tuple(data(sqrt(maximum(each, 0.0))) for each in squares)
     return moved, Command(
-        rotor_speeds=speeds, efforts=command.efforts, tilts=tuple(map(data, setpoints))
+        rotor_speeds=speeds, efforts=command.efforts, tilts=as_data(setpoints)
     )
 
 
@@ -291,10 +289,8 @@ def goal_angles(
     is near zero.
     """
     vehicle = model.vehicle
-    total: Scalar = 0.0
-    for each in vehicle.rotors:
-        total = add(total, each.thrust_coefficient)
-    hover = divide(mul(vehicle.mass, model.gravity), total)
+    lift = total(each.thrust_coefficient for each in vehicle.rotors)
+    hover = divide(mul(vehicle.mass, model.gravity), lift)
     # without gravity nothing hovers, so only the rotor's own largest speed counts
     strongest = where(hover > 0.0, mul(STRONG, hover), math.inf)
     rows = [

@@ -36,7 +36,6 @@ from skyarm.planning.stage import (
     ObstaclePlace,
     PlanStage,
     StageData,
-    StageLimits,
     largest,
 )
 from skyarm.planning.task import Goal, PlanPhase, Start, Task
@@ -134,7 +133,7 @@ class Plan:
     @property
     def rotor_speeds(self) -> Array:
         """Rotor speeds (rad/s) at the nodes, (N + 1, rotors)."""
-        return np.asarray(self.x[:, self.stage.at.speeds] * np.array(self.stage.hover))
+        return np.asarray(self.x[:, self.stage.at.speeds] * self.stage.hover)
 
     @property
     def thrust_shares(self) -> Array:
@@ -198,9 +197,6 @@ def stage_of(task: Task, met: Collection[tuple[str, str]] = ()) -> CompiledStage
     ``met``: pairs of the vehicle's own bodies that count; the plan before went through
     them.
     """
-    own = task.limits
-    names = [each.name for each in dataclasses.fields(StageLimits)]
-    stated = {name: getattr(own, name) for name in names if name != "ranges"}
     near = clearances(
         task.vehicle, [placeholder(k, each) for k, each in enumerate(task.obstacles)]
     )
@@ -216,7 +212,9 @@ def stage_of(task: Task, met: Collection[tuple[str, str]] = ()) -> CompiledStage
     close = dataclasses.replace(near, pairs=tuple(pairs)) if pairs else None
     return compiled_stage(
         model=Model(vehicle=task.vehicle, gravity=task.gravity),
-        limits=StageLimits(ranges=ranges_of(task), **stated),
+        # those that are data of a stage, or none of its limits, compile nothing anew
+        limits=dataclasses.replace(task.limits, tilt=1.0, clearance=0.0, rotor_lag=1.0),
+        ranges=ranges_of(task),
         contact=any(phase.kind == "contact" for phase in task.phases),
         free=sum(phase.duration is None for phase in task.phases),
         clearances=close,
@@ -305,9 +303,15 @@ def node_counts(task: Task, lengths: Sequence[float]) -> list[int]:
 def attitude(angles: Sequence[float]) -> Quaternion:
     """Quaternion of roll, pitch and yaw (rad)."""
     state = example_state(0, 0).with_views(
-        dict(zip(("roll", "pitch", "yaw"), angles, strict=True))
+        # whole numbers would be constants of compiled code
+        dict(zip(("roll", "pitch", "yaw"), map(float, angles), strict=True))
     )
     return state.quaternion
+
+
+def goal_attitude(goal: Goal) -> Quaternion:
+    """Attitude of a goal; level where none is stated, with the heading if that is."""
+    return attitude(goal.attitude or (0.0, 0.0, goal.heading or 0.0))
 
 
 def tip_below(task: Task, joints: Array) -> Array:
@@ -347,16 +351,12 @@ def outline(task: Task) -> Outline:
             base = float_array(goal.base)
         elif goal.tip is not None:
             base = float_array(goal.tip) - tip_below(task, joints)
-        lengths.append(phase.duration or usual_length(norm(base - bases[-1])))
+        # from rest to rest at 6 m/s^2, first faster and then slower
+        usual = max(0.6, 2.0 * math.sqrt(norm(base - bases[-1]) / 6.0))
+        lengths.append(phase.duration or usual)
         bases.append(base)
         postures.append(joints)
     return Outline(bases=np.array(bases), joints=np.array(postures), lengths=lengths)
-
-
-def usual_length(distance: float) -> float:
-    """Length (s) of a free motion to begin from."""
-    # from rest to rest at 6 m/s^2, first faster and then slower
-    return max(0.6, 2.0 * math.sqrt(distance / 6.0))
 
 
 def problem_of(
@@ -513,8 +513,8 @@ def _columns(example: StageData) -> dict[str, slice]:
 
 
 def goal_names(goal: Goal) -> list[str]:
-    """Names in :data:`skyarm.planning.stage.GOALS` of what the goal of a phase
-    states.
+    """Names in :data:`skyarm.planning.stage.GOALS` of what the goal of a phase states;
+    of rest, velocity once more.
     """
     names = [
         name
@@ -525,11 +525,7 @@ def goal_names(goal: Goal) -> list[str]:
         goal.heading is not None
     )
     if goal.rest:
-        names += [
-            name
-            for name in ("velocity", "rate", "joint_rates", "still", "arm")
-            if name not in names
-        ]
+        names += ["velocity", "rate", "joint_rates", "still", "arm"]
     return names
 
 
@@ -547,7 +543,6 @@ def _data(
 ) -> StageData:
     """Numbers of a stage of a phase; ``weight`` of the vehicle, N."""
     goal, contact, none = phase.to, phase.contact, ZERO3_DATA
-    turned = tuple(map(float, goal.attitude or (0.0, 0.0, goal.heading or 0.0)))
 
     def numbers(v: Vec3 | None) -> Vec3:
         """Vector without whole numbers, which would be constants of compiled code."""
@@ -562,7 +557,7 @@ def _data(
         tip_velocity=numbers(goal.tip_velocity),
         base=numbers(goal.base),
         velocity=numbers(goal.velocity),
-        attitude=attitude(turned),
+        attitude=goal_attitude(goal),
         axis=numbers(goal.tip_axis),
         joints=tuple(map(float, goal.joints or example.joints)),
         touching=float(contact is not None),
@@ -591,9 +586,10 @@ def guess_from(
         sense: 1 turns the short way, -1 the long way round where the attitude changes.
     """
     total, at = sum(counts), stage.stage.at
-    x = np.zeros((total + 1, stage.nx))
+    x, u = np.zeros((total + 1, stage.nx)), np.zeros((total, stage.nu))
     edges = np.cumsum([0, *counts])
-    for k, way in enumerate(ways):
+    turned = attitude(task.start.attitude)
+    for k, (phase, way) in enumerate(zip(task.phases, ways, strict=True)):
         nodes = np.arange(edges[k], edges[k + 1] + 1)
         length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1)))
         part = np.linspace(0.0, 1.0, len(nodes)) * length[-1]
@@ -603,14 +599,7 @@ def guess_from(
             x[nodes, 13 + j] = np.linspace(
                 shape.joints[k, j], shape.joints[k + 1, j], len(nodes)
             )
-    turned = attitude(task.start.attitude)
-    for k, phase in enumerate(task.phases):
-        nodes = np.arange(edges[k], edges[k + 1] + 1)
-        after = (
-            turned
-            if phase.resting
-            else attitude(phase.to.attitude or (0.0, 0.0, phase.to.heading or 0.0))
-        )
+        after = turned if phase.resting else goal_attitude(phase.to)
         x[nodes, 3:7] = _turning(turned, after, len(nodes), sense)
         # the turn may end at the other sign of the same attitude; the next one begins
         # there
@@ -619,20 +608,23 @@ def guess_from(
             if x[nodes[-1], 3:7] @ np.array([*after]) > 0.0
             else Quaternion(*(-c for c in after))
         )
+        # of a size that is chosen, 0.3 of the weight
+        if phase.contact is not None:
+            # along the normal, which is within every cone of friction
+            u[edges[k] : edges[k + 1], -3:] = 0.3 * np.array([*phase.contact.normal])
     x[:, at.speeds] = 1.0
-    x[0, at.speeds] = start_speeds(task, stage)
+    # the trim of a level start, else a quarter of the thrust of hover
+    joints = task.start.joints or task.vehicle.zeros
+    trim = hover_trim(task.vehicle, joints, task.gravity)
+    x[0, at.speeds] = (
+        doubles(trim.speeds) / stage.stage.hover if is_level(task.start) else 0.5
+    )
     free = [
         length
         for phase, length in zip(task.phases, shape.lengths, strict=True)
         if phase.duration is None
     ]
     x[:, stage.nx - len(free) :] = free
-    u = np.zeros((total, stage.nu))
-    for k, phase in enumerate(task.phases):
-        # of a size that is chosen, 0.3 of the weight
-        if phase.contact is not None:
-            # along the normal, which is within every cone of friction
-            u[edges[k] : edges[k + 1], -3:] = 0.3 * np.array([*phase.contact.normal])
     return Guess(x, u)
 
 
@@ -657,20 +649,6 @@ def _turning(before: Quaternion, after: Quaternion, count: int, sense: float) ->
 def is_level(start: Start) -> bool:
     """True if the base is level at the start."""
     return abs(start.attitude[0]) + abs(start.attitude[1]) < 1e-6
-
-
-def start_speeds(task: Task, stage: CompiledStage) -> list[float]:
-    """Rotor speeds at the start over those of hover: the trim of a level start, else a
-    quarter of its thrust.
-    """
-    trim = hover_trim(
-        task.vehicle, task.start.joints or task.vehicle.zeros, task.gravity
-    )
-    level = is_level(task.start)
-    return [
-        float(speed) / hover if level else 0.5
-        for speed, hover in zip(trim.speeds, stage.stage.hover, strict=True)
-    ]
 
 
 def plan(
@@ -948,7 +926,7 @@ def _best_of(
                     f" {last.violation:.1e}"
                 )
         tried += 1
-        if last is not None and _better(last, best):
+        if last is not None and (best is None or _rank(last) < _rank(best)):
             best = last
         solved += last is not None and last.solved
         # other penalties are only for seeds of which none led to a plan
@@ -1091,15 +1069,12 @@ def states_at(plan: Plan, t: Array) -> Array:
     return out
 
 
-def _better(one: Solution, other: Solution | None) -> bool:
-    """True if a solution is better than another: feasible first, then of lower cost."""
-    if other is None:
-        return True
-    feasible, before = one.violation < TOLERANCE, other.violation < TOLERANCE
-    # both feasible: by cost; neither: by violation
-    if feasible != before:
-        return feasible
-    return one.cost < other.cost if feasible else one.violation < other.violation
+def _rank(solution: Solution) -> tuple[bool, float]:
+    """Sorting key of solutions, the best first: feasible ones by their costs, then the
+    others by their violations.
+    """
+    feasible = solution.violation < TOLERANCE
+    return not feasible, solution.cost if feasible else solution.violation
 
 
 def seeds(task: Task, shape: Outline) -> list[list[Array]]:
@@ -1201,16 +1176,14 @@ def impossible(task: Task) -> str:
             return (
                 f"start: {pair.volume} and {pair.other} overlap by {-float(gap):.3g} m"
             )
-    tilts = [(f"phases[{k}].tilt", each.tilt) for k, each in enumerate(task.phases)]
-    most = [
-        (word, tilt) if tilt is not None else ("limits.tilt", limits.tilt)
-        for word, tilt in tilts
+    # the start as a goal, within the tilt of the first phase
+    begins = Goal(attitude=task.start.attitude, joints=start)
+    places = [("start", 0, begins)] + [
+        (f"phases[{k}] {phase.name!r}: to", k, phase.to)
+        for k, phase in enumerate(task.phases)
     ]
-    places = [("start", most[0], Goal(attitude=task.start.attitude, joints=start))]
-    for k, phase in enumerate(task.phases):
-        places.append((f"phases[{k}] {phase.name!r}: to", most[k], phase.to))
     lift = limits.thrust_share * float(highest_thrust(vehicle))
-    for at, (stated, tilt), goal in places:
+    for at, k, goal in places:
         for joint, value in zip(vehicle.joints, goal.joints, strict=False):
             low, high = joint.ends
             if not low <= value <= high:
@@ -1218,9 +1191,12 @@ def impossible(task: Task) -> str:
                     f"{at}.joints: {joint.name} = {value:.4g} is beyond its range,"
                     f" {low:.4g} to {high:.4g}"
                 )
-        up = float(attitude(goal.attitude or (0.0,) * 3).rotation().rows[2].z)
+        up = float(goal_attitude(goal).rotation().rows[2].z)
         # rounding may take the cosine beyond 1
         lean = math.acos(max(-1.0, min(1.0, up)))
+        stated, tilt = f"phases[{k}].tilt", task.phases[k].tilt
+        if tilt is None:
+            stated, tilt = "limits.tilt", limits.tilt
         if lean > tilt + TOLERANCE:
             return f"{at}.attitude: is tilted by {lean:.4g} rad, {stated} is {tilt:.4g}"
         fast = float(goal.velocity.norm()) if goal.velocity else 0.0

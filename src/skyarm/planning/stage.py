@@ -35,7 +35,7 @@ from skyarm.algebra import (
     Scalars,
     Vec3,
 )
-from skyarm.algebra.scalars import sqrt
+from skyarm.algebra.scalars import data, sqrt
 from skyarm.algebra.scalars.taylor import Taylor, as_series
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.tracing.program import trace_loop
@@ -51,6 +51,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.dynamics.kinematics import jacobian_columns
 from skyarm.dynamics.state import proper_acceleration
+from skyarm.planning.task import TaskLimits
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, leaves, rebuild
@@ -65,26 +66,6 @@ JERK_UNIT = 200.0
 
 SPIN_UNIT = 20.0
 """Rotor acceleration of an input of 1, hover speeds per second."""
-
-
-@immutable
-class StageLimits:
-    """Limits of a plan.
-
-    Attributes:
-        thrust_share: of each rotor's highest thrust. torque_share: of each joint's
-            highest effort.
-        joint_rate: rad/s or m/s. speed: m/s, of the base. rate: rad/s, of the base.
-        ranges: lowest and highest position of each joint, rad or m; empty: those of the
-            vehicle.
-    """
-
-    thrust_share: float = 0.9
-    torque_share: float = 0.95
-    joint_rate: float = 3.0
-    speed: float = math.inf
-    rate: float = math.inf
-    ranges: tuple[tuple[float, float], ...] = ()
 
 
 @immutable
@@ -223,23 +204,28 @@ class PlanStage:
     """Function of one stage for one model, its limits and weights.
 
     Attributes:
-        model: of the plan. limits, weights: see there. contact: whether the tip may be
-            in contact.
+        model: of the plan. limits, weights: see there; of the limits tilt, clearance
+            and lag are not the stage's. contact: whether the tip may be in contact.
+        ranges: lowest and highest position of each joint, rad or m; empty: those of the
+            vehicle.
         free: number of free phase lengths.
         clearances: pairs of bodies whose distances are limits; its obstacles give the
             shapes, the data the places.
         nearer: m, by which each of these pairs may be nearer than the data say; empty:
             none may.
+        hover: unit of all rotor speeds in a state, rad/s: root mean square in hover.
+            Rotors that hardly turn in hover would have a tiny unit of their own.
     """
 
     model: Model
-    limits: StageLimits = StageLimits()
+    limits: TaskLimits = TaskLimits()
+    ranges: tuple[tuple[float, float], ...] = ()
     weights: StageWeights = StageWeights()
     contact: bool = False
     free: int = 0
     clearances: Clearances | None = None
     nearer: tuple[float, ...] = ()
-    hover: tuple[float, ...] = field(init=False)
+    hover: float = field(init=False)
 
     def __post_init__(self) -> None:
         vehicle = self.model.vehicle
@@ -247,9 +233,7 @@ class PlanStage:
         mean = math.sqrt(
             sum(max(float(w), 0.0) for w in trim.squared) / len(trim.squared)
         )
-        # one unit for all: rotors that hardly turn in hover would have a tiny one of
-        # their own
-        object.__setattr__(self, "hover", tuple(mean for _ in vehicle.rotors))
+        object.__setattr__(self, "hover", mean)
 
     @property
     def sizes(self) -> tuple[int, int, int]:
@@ -279,9 +263,7 @@ class PlanStage:
             rate=Vec3(*x[10:13]),
             joints=tuple(x[self.at.joints]),
             joint_rates=tuple(x[self.at.joint_rates]),
-            rotor_speeds=tuple(
-                a * b for a, b in zip(x[self.at.speeds], self.hover, strict=True)
-            ),
+            rotor_speeds=tuple(a * self.hover for a in x[self.at.speeds]),
         )
 
     @property
@@ -363,9 +345,7 @@ class PlanStage:
         vehicle, weights = self.model.vehicle, self.weights
         n, m, at = vehicle.n, len(vehicle.rotors), self.at
         state, dt, push = self.state(x), self.length(x, data), self.force(u, data)
-        spins = tuple(
-            a * (SPIN_UNIT * b) for a, b in zip(u[:m], self.hover, strict=True)
-        )
+        spins = tuple(a * (SPIN_UNIT * self.hover) for a in u[:m])
         joints = tuple(a * ARM_UNIT for a in x[at.arm])
         jerks = tuple(a * JERK_UNIT for a in u[m : m + n])
         inputs = StageInputs(rotor_accelerations=spins, efforts=())
@@ -386,9 +366,7 @@ class PlanStage:
             for a, j in zip(x[at.arm], u[m : m + n], strict=True)
         ]
         numbers = list(leaves(after))
-        scaled = [
-            a * (1.0 / b) for a, b in zip(numbers[at.speeds], self.hover, strict=True)
-        ]
+        scaled = [a * (1.0 / self.hover) for a in numbers[at.speeds]]
         end = [*numbers[: at.speeds.start], *scaled, *ends, *x[at.arm.stop :]]
         R = state.rotation
         proper = proper_acceleration(R, linear, angular, self.model.gravity)
@@ -411,29 +389,23 @@ class PlanStage:
             for t, joint in zip(efforts, vehicle.joints, strict=True)
         ]
         moving = (*state.rate, *state.joints, *state.joint_rates)
-        costs += [a * (math.sqrt(weights.state) * root) for a in moving]
-        costs += [a * (math.sqrt(weights.spin) * root) for a in u[:m]]
-        costs += [a * (math.sqrt(weights.arm) * root) for a in x[at.arm]]
-        costs += [a * (math.sqrt(weights.jerk) * root) for a in u[m : m + n]]
-        costs += [
-            a * (math.sqrt(weights.force) / self.weight * root)
-            for a in push
-            if self.contact
-        ]
-        costs += [
-            a * (math.sqrt(weights.across) / self.weight * root)
-            for a in self.across(state)
-        ]
+        for weight, values in (
+            (weights.state, moving),
+            (weights.spin, u[:m]),
+            (weights.arm, x[at.arm]),
+            (weights.jerk, u[m : m + n]),
+        ):
+            costs += [a * (math.sqrt(weight) * root) for a in values]
+        forces = (weights.force, push if self.contact else ())
+        for weight, values in (forces, (weights.across, self.across(state))):
+            costs += [a * (math.sqrt(weight) / self.weight * root) for a in values]
         if self.free:
             costs.append(root * data.hurry)
         return StageValues(
             end=end,
             costs=costs,
             goals=self._goals(state, data, columns, tip)
-            | {
-                "inputs": [*u[:m]],
-                "arm": [a * 1.0 for a in x[at.arm]],
-            },
+            | {"inputs": [*u[:m]], "arm": [*x[at.arm]]},
             inputs=self._input_limits(x, u, efforts, data),
             limits=self._state_limits(x, state, data),
         )
@@ -487,10 +459,8 @@ class PlanStage:
         vehicle, limits = self.model.vehicle, self.limits
         n, m, at = vehicle.n, len(vehicle.rotors), self.at
         out = []
-        for rotor, w, spin, hover in zip(
-            vehicle.rotors, x[at.speeds], u[:m], self.hover, strict=True
-        ):
-            most = float(rotor.max_speed) / hover
+        for rotor, w, spin in zip(vehicle.rotors, x[at.speeds], u[:m], strict=True):
+            most = float(rotor.max_speed) / self.hover
             for tau, end, sign in (
                 (rotor.time_constant_up, most, 1.0),
                 (rotor.time_constant_down, 0.0, -1.0),
@@ -508,10 +478,7 @@ class PlanStage:
                 )
         for link, effort in zip(vehicle.links, efforts, strict=True):
             most = largest(link.joint.effort_limit) * limits.torque_share
-            out += [
-                (f"torque of {link.joint.name}", sign * effort * (1.0 / most) - 1.0)
-                for sign in (1.0, -1.0)
-            ]
+            out += _both_ways(f"torque of {link.joint.name}", effort * (1.0 / most))
         # a rate between two nodes is within the hull of three control points: both
         # ends, and this one
         half = self.length(x, data) * (0.5 * ARM_UNIT)
@@ -519,10 +486,7 @@ class PlanStage:
             vehicle.links, x[at.joint_rates], x[at.arm], strict=True
         ):
             control = (rate + half * a) * (1.0 / limits.joint_rate)
-            out += [
-                (f"rate of {link.joint.name}", sign * control - 1.0)
-                for sign in (1.0, -1.0)
-            ]
+            out += _both_ways(f"rate of {link.joint.name}", control)
         if self.contact:
             f = Vec3(*u[m + n : m + n + 3])
             along = f.dot(data.normal)
@@ -547,17 +511,15 @@ class PlanStage:
         vehicle, limits = self.model.vehicle, self.limits
         R = state.rotation
         out: list[tuple[str, Scalar]] = []
-        for rotor, w, hover in zip(
-            vehicle.rotors, x[self.at.speeds], self.hover, strict=True
-        ):
-            share = w * (1.0 / (float(rotor.max_speed) / hover))
+        for rotor, w in zip(vehicle.rotors, x[self.at.speeds], strict=True):
+            share = w * (1.0 / (float(rotor.max_speed) / self.hover))
             out += [
                 (f"thrust of {rotor.name}", each)
                 # thrust goes with the square of speed, so at speed 0 it would not react
                 # to a change
                 for each in (share - math.sqrt(limits.thrust_share), 0.02 - share)
             ]
-        ranges = limits.ranges or [joint.ends for joint in vehicle.joints]
+        ranges = self.ranges or [joint.ends for joint in vehicle.joints]
         for link, (low, high), q, rate in zip(
             vehicle.links, ranges, state.joints, state.joint_rates, strict=True
         ):
@@ -565,10 +527,7 @@ class PlanStage:
             for end, sign in ((high, 1.0), (low, -1.0)):
                 if math.isfinite(end):
                     out.append((f"position of {joint.name}", sign * (q - end)))
-            out += [
-                (f"rate of {joint.name}", sign * rate * (1.0 / limits.joint_rate) - 1.0)
-                for sign in (1.0, -1.0)
-            ]
+            out += _both_ways(f"rate of {joint.name}", rate * (1.0 / limits.joint_rate))
         out.append(("tilt", data.upright - R.rows[2].z))
         # the goal's sine alone is zero for the reversed heading, too; twice the cosine
         # outweighs it on the way round
@@ -612,6 +571,11 @@ class PlanStage:
             for k, length in enumerate(x[len(x) - self.free :])
         ]
         return out
+
+
+def _both_ways(name: str, share: Scalar) -> list[tuple[str, Scalar]]:
+    """Limits of a share, between -1 and 1, of what a quantity may be either way."""
+    return [(name, share - 1.0), (name, -share - 1.0)]
 
 
 def largest(effort: Scalar) -> float:
@@ -662,7 +626,6 @@ class CompiledStage:
     def __init__(self, stage: PlanStage) -> None:
         self.stage = stage
         nx, nt, nu = stage.sizes
-        data = stage.example()
         parts: dict[str, Any] = {}
 
         def outputs(
@@ -686,7 +649,7 @@ class CompiledStage:
             moved = retraction(x, list(scaled(dx)))
             pushed = [a + b for a, b in zip(u, scaled(du), strict=True)]
             later = retraction(following, list(scaled(dnext)))
-            return carry, numbers(outputs(moved, pushed, later, given))
+            return carry, tuple(map(data, outputs(moved, pushed, later, given)))
 
         def slopes(
             carry: Tree, par: Any, row: Any, _uniforms: Tree
@@ -701,14 +664,12 @@ class CompiledStage:
             U = [Taylor(pair) for pair in zip(u, du, strict=True)]
             fixed = rebuild(given, iter([as_series(a, 1) for a in leaves(given)]))
             after = [as_series(a, 1) for a in following]
-            return carry, numbers(
-                [
-                    o.c[1] if isinstance(o, Taylor) else 0.0
-                    for o in outputs(X, U, after, fixed)
-                ]
+            return carry, tuple(
+                data(o.c[1]) if isinstance(o, Taylor) else 0.0
+                for o in outputs(X, U, after, fixed)
             )
 
-        row = ((0.0,) * nx, (0.0,) * nu, (0.0,) * nx, data)
+        row = ((0.0,) * nx, (0.0,) * nu, (0.0,) * nx, stage.example())
         tangent = ((0.0,) * nt, (0.0,) * nu)
         self._slopes = Kernel(trace_loop(slopes, (0.0,), tangent, row), logging=True)
         self._values = Kernel(
@@ -794,8 +755,3 @@ class CompiledStage:
 def after(rows: Array) -> Array:
     """Rows one stage later; the last one stays."""
     return np.vstack([rows[1:], rows[-1:]])
-
-
-def numbers(values: Sequence[Scalar]) -> Scalars:
-    """Outputs of a traced function, with constants as data."""
-    return tuple(float(value) if isinstance(value, int) else value for value in values)

@@ -5,18 +5,29 @@ dynamics and mixing.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Annotated
 
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add, divide, minimum, mul
 from skyarm.control.blocks.actuators import limit_efforts
-from skyarm.control.blocks.geometric import attitude_loop, downward_acceleration
+from skyarm.control.blocks.geometric import (
+    angular_acceleration,
+    attitude_error,
+    desired_attitude,
+    downward_acceleration,
+    rate_error,
+)
 from skyarm.control.model import JointGains, Model, Parameters
 from skyarm.dynamics.actuators import Command, mix
 from skyarm.dynamics.actuators.hover import hover_trim
+from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle import Vehicle
+
+Started = Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
+"""Flag of a flight that has begun, as memories of several laws declare it."""
 
 
 def wanted_specific_force(
@@ -40,19 +51,13 @@ def turn_towards(
     par: Parameters, measurement: Measurement, reference: Reference, R: Mat3, up: Vec3
 ) -> Vec3:
     """Angular acceleration (rad/s^2, base axes) that turns body z towards ``up`` and
-    the nose to the desired yaw.
+    the nose to the desired yaw: (83) to (85) of Barakou et al. 2026.
     """
+    R_d = desired_attitude(-up, reference.yaw, R)
+    e_w = rate_error(measurement.rate, R, R_d, reference.yaw_rate, par.rate_error)
     # gains of the attitude are on the base's own inertia
-    return attitude_loop(
-        par.gains,
-        par.model.vehicle.base.inertia,
-        a_d=-up,
-        yaw=reference.yaw,
-        yaw_rate=reference.yaw_rate,
-        R_WB=R,
-        w_B=measurement.rate,
-        rate_form=par.rate_error,
-    )
+    J = par.model.vehicle.base.inertia
+    return angular_acceleration(par.gains, J, attitude_error(R, R_d), e_w)
 
 
 def arm_alone(
@@ -73,12 +78,10 @@ def arm_alone(
 
 def make_command(
     par: Parameters, torque: Vec3, thrust: Scalar, efforts: Sequence[Scalar]
-) -> tuple[Command, Scalars]:
-    """Limited command for body torque, thrust and joint torques, and the squared rotor
-    speeds before the limits.
-    """
-    speeds, squares = mix(par.mixer, torque, thrust)
-    return Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts)), squares
+) -> Command:
+    """Limited command for body torque, thrust and joint torques."""
+    speeds, _ = mix(par.mixer, torque, thrust)
+    return Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts))
 
 
 def no_command(vehicle: Vehicle) -> Command:

@@ -93,14 +93,14 @@ from skyarm.control.blocks.prediction import (
     rotor_wrench,
     with_side,
 )
-from skyarm.control.blocks.select import choose_each, vector_data
+from skyarm.control.blocks.select import choose_each
 from skyarm.control.blocks.stale_readings import Fresh, ReadingSums
 from skyarm.control.law_maker import option_numbers
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
-from skyarm.records.immutable import immutable, positional
-from skyarm.records.leaves import blend
+from skyarm.records.immutable import immutable
+from skyarm.records.leaves import as_data, blend, parts
 from skyarm.records.units import Unit, positive
 from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle import Joint
@@ -297,7 +297,7 @@ def measure_translation(
         + seen.change * (1.0 - share),
         heard=share,
         agreed=data(agreed),
-        integrated=vector_data(integrated),
+        integrated=as_data(integrated),
         beside=beside,
     )
 
@@ -452,10 +452,8 @@ def observe(
         push, *_ = inertia_times(model, R, joints, base.change, turning, quick)
     # up to where the force is least: beyond, or across, it would grow
     shrinking = divide(memory.force.dot(push), -SMALL - push.dot(push))
-    learned = Observed(
-        position=place.position,
-        quaternion=place.quaternion,
-        joints=place.joints,
+    learned = replace(
+        place,
         velocity=base.velocity,
         rate=w + ew * (fast[1] * fresh.rate),
         joint_rates=tuple(
@@ -467,7 +465,7 @@ def observe(
             d + mul(p, f)
             for d, p, f in zip(memory.efforts, pulls, yielding, strict=True)
         ),
-        rotor_speeds=tuple(map(data, speeds)),
+        rotor_speeds=as_data(speeds),
         bias=base.bias,
         joint_residuals=residuals,
         readings=readings,
@@ -476,15 +474,12 @@ def observe(
         integrated=base.integrated,
     )
     begun = replace(
-        memory,
-        position=place.position,
-        quaternion=place.quaternion,
-        joints=place.joints,
-        velocity=vector_data(measurement.velocity),
-        rate=vector_data(measurement.rate),
-        joint_rates=tuple(map(data, measurement.joint_rates)),
+        place,
+        velocity=as_data(measurement.velocity),
+        rate=as_data(measurement.rate),
+        joint_rates=as_data(measurement.joint_rates),
         readings=readings,
-        integrated=vector_data(measurement.velocity) if memory.integrated else (),
+        integrated=as_data(measurement.velocity) if memory.integrated else (),
     )
     return blend(started > 0.5, learned, begun), ObserverCorrections(
         amid=amid,
@@ -615,15 +610,6 @@ class ObserverCorrections:
     joint_corrections: Scalars
 
 
-@positional
-class FilteredPose:
-    """Filtered base position (m), attitude and joint positions of the vehicle."""
-
-    position: Vec3
-    quaternion: Quaternion
-    joints: Scalars
-
-
 def filter_pose(
     bandwidth: Scalar,
     memory: Observed,
@@ -631,9 +617,9 @@ def filter_pose(
     fresh: Fresh,
     started: Scalar,
     dt: Scalar,
-) -> FilteredPose:
-    """Low-pass filtered base pose and joint positions, predicted from the estimated
-    velocities and then corrected.
+) -> Observed:
+    """Observer state with base pose and joint positions of now, predicted from the
+    estimated velocities and then corrected by the measured ones.
     """
     share = low_pass_share(bandwidth, dt)
     flags = (
@@ -651,10 +637,11 @@ def filter_pose(
     # q and -q are one attitude: the nearer of them is averaged
     measured = nearer_sign(measurement.quaternion, quaternion)
     off = Quaternion(*(m - c for m, c in zip(measured, quaternion, strict=True)))
-    return FilteredPose(
-        position + (measurement.position - position) * moved,
-        quaternion.plus(off, turned).normalized(),
-        tuple(
+    return replace(
+        memory,
+        position=position + (measurement.position - position) * moved,
+        quaternion=quaternion.plus(off, turned).normalized(),
+        joints=tuple(
             q + bent * (m - q) for q, m in zip(joints, measurement.joints, strict=True)
         ),
     )
@@ -687,11 +674,7 @@ def inertia_times(
     force, torques = dynamics.inverse_dynamics(
         model.vehicle, joints, ZERO3, still, base, joint
     )
-    return (
-        vector_data(R.apply(force.force)),
-        vector_data(force.torque),
-        tuple(map(data, torques)),
-    )
+    return as_data((R.apply(force.force), force.torque, torques))
 
 
 @immutable
@@ -774,13 +757,7 @@ class Observed:
         """Observer state minus a part of the estimated disturbance that the
         feed-forward compensates from now on.
         """
-        less = disturbance(self) - known
-        return replace(
-            self,
-            force=vector_data(less.force),
-            torque=vector_data(less.torque),
-            efforts=tuple(map(data, less.efforts)),
-        )
+        return replace(self, **parts(as_data(disturbance(self) - known)))
 
 
 @immutable

@@ -55,19 +55,18 @@ from skyarm.algebra.scalars import (
     logical_or,
     maximum,
     minimum,
-    mul,
     sqrt,
     where,
 )
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
-from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import ForceErrors, TipLevers, tip_force
 from skyarm.control.blocks.torque_scale import Tolerances, TorqueScale
 from skyarm.control.controller import ControllerError
 from skyarm.dynamics.kinematics import out_of_axis
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import as_data
 from skyarm.records.units import Unit
 from skyarm.reference.tip_motion import STRONGEST
 
@@ -178,8 +177,8 @@ def interact(
         free=free,
         met=maximum(memory.met, touching),
         bias=update_bias(gains, memory.bias, observed, force, asked, free, dt),
-        force=vector_data(force),
-        felt=memory.felt if felt is None else vector_data(felt),
+        force=as_data(force),
+        felt=memory.felt if felt is None else as_data(felt),
     )
     pressing = Pressing(
         n=n,
@@ -393,12 +392,7 @@ class Pressing:
         base = replace(
             now.disturbance(borne), efforts=now.disturbance(joint_force).efforts
         )
-        change = base - then.disturbance(self.force)
-        return d + Disturbance(
-            force=change.force * self.engaged,
-            torque=change.torque * self.engaged,
-            efforts=tuple(mul(each, self.engaged) for each in change.efforts),
-        )
+        return d + (base - then.disturbance(self.force)) * self.engaged
 
 
 SENSING = 60.0

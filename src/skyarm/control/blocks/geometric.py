@@ -135,25 +135,6 @@ def angular_acceleration(
     return Vec3(*ldl_solve([list(row) for row in inertia.full().rows], list(torque)))
 
 
-def attitude_loop(
-    gains: GeometricGains,
-    inertia: Sym3,
-    *,
-    a_d: Vec3,
-    yaw: Scalar,
-    yaw_rate: Scalar,
-    R_WB: Mat3,
-    w_B: Vec3,
-    rate_form: str,
-) -> Vec3:
-    """Angular acceleration (rad/s^2, body axes) that turns the thrust to -a_d and the
-    nose to the yaw: (83) to (85).
-    """
-    R_d = desired_attitude(a_d, yaw, R_WB)
-    e_w = rate_error(w_B, R_WB, R_d, yaw_rate, rate_form)
-    return angular_acceleration(gains, inertia, attitude_error(R_WB, R_d), e_w)
-
-
 def body_thrust(mass: Scalar, a_d: Vec3, R_WB: Mat3) -> Scalar:
     """Thrust (N) along the present body z, -m a_d . (R e_3); negative if the vehicle is
     upside down.

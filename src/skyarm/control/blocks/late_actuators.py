@@ -12,11 +12,12 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from skyarm.algebra import Scalar, Scalars, differences, inner_product
-from skyarm.algebra.scalars import data, divide, exp, maximum, minimum, mul, sub, where
+from skyarm.algebra.scalars import divide, exp, maximum, minimum, mul, sub, where
 from skyarm.control.blocks.prediction import Actuation
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import as_data
 from skyarm.records.units import Unit
 from skyarm.vehicle import Rotor
 
@@ -54,7 +55,7 @@ class Past:
         before = (self.squares, self.speeds, self.efforts)
         squares, speeds, efforts = (
             # the newest comes last, and the oldest falls out
-            (*old[1:], tuple(map(data, new)))
+            (*old[1:], as_data(new))
             for old, new in zip(before, rows, strict=True)
         )
         return Past(squares=squares, speeds=speeds, efforts=efforts)

@@ -24,8 +24,7 @@ from skyarm.algebra import (
     inner_product,
     sums,
 )
-from skyarm.algebra.scalars import add, data, mul, neg, sub
-from skyarm.control.blocks.select import vector_data
+from skyarm.algebra.scalars import add, mul, neg, sub
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import (
@@ -38,6 +37,7 @@ from skyarm.dynamics.actuators import (
 from skyarm.dynamics.actuators.mixer import allocation_matrix
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import as_data
 from skyarm.records.units import Unit
 from skyarm.vehicle import Vehicle
 
@@ -68,19 +68,28 @@ class Disturbance:
             efforts=differences(self.efforts, other.efforts),
         )
 
+    def __mul__(self, share: Scalar) -> Disturbance:
+        return Disturbance(
+            force=self.force * share,
+            torque=self.torque * share,
+            efforts=tuple(mul(each, share) for each in self.efforts),
+        )
+
     def blend_towards(
         self, new: Disturbance, share: Scalar, force_share: Scalar
     ) -> Disturbance:
         """Disturbance after one low-pass step towards a new one, with a separate filter
         gain for the force.
         """
-        return Disturbance(
-            force=vector_data(self.force + (new.force - self.force) * force_share),
-            torque=vector_data(self.torque + (new.torque - self.torque) * share),
-            efforts=tuple(
-                data(b + (e - b) * share)
-                for b, e in zip(self.efforts, new.efforts, strict=True)
-            ),
+        return as_data(
+            Disturbance(
+                force=self.force + (new.force - self.force) * force_share,
+                torque=self.torque + (new.torque - self.torque) * share,
+                efforts=tuple(
+                    b + (e - b) * share
+                    for b, e in zip(self.efforts, new.efforts, strict=True)
+                ),
+            )
         )
 
 
@@ -98,21 +107,6 @@ def rotor_wrench(
     rows = allocation_matrix(model.vehicle, sideways)
     x, y, z, thrust, *across = (inner_product(row, squares) for row in rows)
     return Force(Vec3(x, y, z), Vec3(*(*(across or (0, 0)), thrust)))
-
-
-def side_wrench(
-    model: Model,
-    speeds: Sequence[Scalar],
-    velocity_B: Vec3,
-    rate: Vec3,
-    sideways: bool,
-) -> Force:
-    """Rotor force and torque that the mixer omits: hub drag in still air, rolling
-    moment, thrust across body z.
-    """
-    return drag_wrench(model.vehicle, speeds, velocity_B, rate) + omitted_thrust(
-        model, speeds, sideways
-    )
 
 
 def drag_wrench(
@@ -161,13 +155,6 @@ def calm_wrench(vehicle: Vehicle, speeds: Sequence[Scalar]) -> Force:
     return total
 
 
-def hub_drag(vehicle: Vehicle, speeds: Sequence[Scalar]) -> Scalar:
-    """Hub drag of a level vehicle's rotors per horizontal velocity, N s/m."""
-    return neg(
-        inner_product([neg(rotor.drag_coefficient) for rotor in vehicle.rotors], speeds)
-    )
-
-
 def reference_drag(
     model: Model, state: State, base: Sequence[Vec3], *, sideways: bool, moving: bool
 ) -> list[Vec3]:
@@ -205,10 +192,11 @@ def with_side(
     rate: Vec3,
     sideways: bool = False,
 ) -> Disturbance:
-    """Disturbance plus the rotor force and torque that the mixer omits
-    (:func:`side_wrench`).
+    """Disturbance plus the rotor force and torque that the mixer omits: hub drag in
+    still air, rolling moment, thrust across body z.
     """
-    side = side_wrench(model, speeds, R.apply_T(velocity), rate, sideways)
+    drag = drag_wrench(model.vehicle, speeds, R.apply_T(velocity), rate)
+    side = drag + omitted_thrust(model, speeds, sideways)
     return Disturbance(
         force=unknown.force + R.apply(side.force),
         torque=unknown.torque + side.torque,
@@ -326,19 +314,9 @@ def predict_across(
     R = (x.quaternion * Quaternion.of_small_rotation(x.rate * drift)).rotation()
     joints = tuple(q + v * drift for q, v in zip(x.joints, x.joint_rates, strict=True))
     applied = rotor_wrench(model, done.squares, sideways)
-    moved = acceleration(
+    linear, angular, qdd = acceleration(
         model, R, x.rate, joints, x.joint_rates, applied, done.efforts, unknown
     )
-    return _integrate(x, moved, done.speeds, h)
-
-
-def _integrate(
-    x: State, moved: tuple[Vec3, Vec3, Sequence[Scalar]], speeds: Scalars, h: Scalar
-) -> State:
-    """Vehicle state after ``h`` seconds of constant accelerations of base and joints,
-    with given rotor speeds.
-    """
-    linear, angular, qdd = moved
     velocity, rate = x.velocity + linear * h, x.rate + angular * h
     rates = tuple(v + a * h for v, a in zip(x.joint_rates, qdd, strict=True))
     # positions by the mean velocity: exact for a constant acceleration
@@ -354,6 +332,6 @@ def _integrate(
             q + (a + b) * (0.5 * h)
             for q, a, b in zip(x.joints, x.joint_rates, rates, strict=True)
         ),
-        joint_rates=tuple(map(data, rates)),
-        rotor_speeds=speeds,
+        joint_rates=as_data(rates),
+        rotor_speeds=done.speeds,
     )

@@ -4,24 +4,17 @@ value.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from skyarm.algebra import Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import data, where
 
 
-def vector_data(v: Vec3) -> Vec3:
-    """Vector with int constants as floats, so that a law's internal state keeps its
-    data types.
-    """
-    return Vec3(*map(data, v))
-
-
 def choose(condition: Scalar, a: Vec3, b: Vec3) -> Vec3:
     """Vector ``a`` where the condition holds, else ``b``."""
-    return Vec3(
-        *(where(condition, data(x), data(y)) for x, y in zip(a, b, strict=True))
-    )
+    return Vec3(*choose_each(condition, a, b))
 
 
-def choose_each(condition: Scalar, a: Scalars, b: Scalars) -> Scalars:
-    """Select, entry by entry, tuple ``a`` where the condition holds, else ``b``."""
+def choose_each(condition: Scalar, a: Iterable[Scalar], b: Iterable[Scalar]) -> Scalars:
+    """Select, entry by entry, ``a`` where the condition holds, else ``b``."""
     return tuple(where(condition, data(x), data(y)) for x, y in zip(a, b, strict=True))

@@ -20,7 +20,6 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from skyarm import dynamics
 from skyarm.algebra import (
     E_Z,
     ZERO3,
@@ -42,6 +41,8 @@ from skyarm.control.blocks.actuators import (
 from skyarm.control.blocks.attitude import attitude, reachable, vector_series
 from skyarm.control.blocks.center_of_mass import arm_reaction, forces_under_thrust
 from skyarm.control.blocks.common import (
+    Started,
+    coupled_forces,
     standing_command,
     turn_towards,
     wanted_specific_force,
@@ -59,7 +60,7 @@ from skyarm.control.blocks.geometric import angular_acceleration, attitude_error
 from skyarm.control.blocks.prediction import Disturbance, with_side
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
-from skyarm.control.model import Parameters
+from skyarm.control.model import MeasurementAge, Parameters
 from skyarm.dynamics.actuators import Command, friction, mix
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit, nonnegative, positive
@@ -116,9 +117,7 @@ class StepParameters(Parameters):
             effect="higher values answer faster and amplify noise",
         ),
     ] = 1.0
-    delay_periods: Annotated[
-        int, Unit("control periods", "known age of the measurement", low=0, high=100)
-    ] = 0
+    delay_periods: MeasurementAge = 0
 
 
 @immutable
@@ -134,7 +133,7 @@ class StepMemory:
             extrapolation.
     """
 
-    started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
+    started: Started
     observed: Observed | tuple[()]
     sent: tuple[Command, ...]
     free: Annotated[
@@ -377,16 +376,14 @@ def _forces(
     """Body torque, thrust and joint efforts by inverse dynamics, with the disturbance
     compensated.
     """
-    vehicle, q = par.model.vehicle, measurement.joints
-    rate = measurement.rate
-    rates = measurement.joint_rates
+    vehicle, rates = par.model.vehicle, measurement.joint_rates
     weight = R.apply_T(unknown.force)
     if par.steps >= CONSISTENT:
         thrust = force.dot(R.column(2))
         needed, efforts, _ = forces_under_thrust(
             vehicle,
-            q,
-            rate,
+            measurement.joints,
+            measurement.rate,
             rates,
             applied=E_Z * thrust + weight,
             angular=alpha,
@@ -394,7 +391,7 @@ def _forces(
         )
     else:
         base = Motion(alpha, R.apply_T(specific))
-        needed, efforts = dynamics.inverse_dynamics(vehicle, q, rate, rates, base, qdd)
+        needed, efforts = coupled_forces(par, measurement, base, qdd)
         thrust = needed.force.z - weight.z
     torques = [*differences(efforts, unknown.efforts)]
     if par.steps >= OBSERVER:

@@ -28,7 +28,7 @@ from skyarm.algebra import (
 from skyarm.algebra.quaternion import euler_angles
 from skyarm.algebra.scalars import add, cos, mul
 from skyarm.control.blocks.actuators import limit_efforts
-from skyarm.control.blocks.common import joint_pd, turn_towards
+from skyarm.control.blocks.common import joint_pd, make_command, turn_towards
 from skyarm.control.blocks.geometric import body_thrust, downward_acceleration
 from skyarm.control.controller import Memory
 from skyarm.control.law_maker import law_maker
@@ -139,8 +139,7 @@ def hybrid_computed_torque(
     else:
         force, torques = generalized_force(par, R, measurement, base, qdd)
     torques = with_friction(par, measurement, reference, torques)
-    speeds, _ = mix(par.mixer, force.torque, force.force.z)
-    return memory, Command(rotor_speeds=speeds, efforts=limit_efforts(par, torques))
+    return memory, make_command(par, force.torque, force.force.z, torques)
 
 
 def generalized_force(

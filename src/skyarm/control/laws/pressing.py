@@ -40,7 +40,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Any
 
 from skyarm.algebra import (
     E_Z,
@@ -53,7 +53,13 @@ from skyarm.algebra import (
 )
 from skyarm.algebra.scalars import add, clip, divide, maximum, minimum, mul, sub, where
 from skyarm.control.blocks.actuators import limit_efforts
-from skyarm.control.blocks.common import no_command, turn_towards, wanted_specific_force
+from skyarm.control.blocks.common import (
+    Started,
+    make_command,
+    no_command,
+    turn_towards,
+    wanted_specific_force,
+)
 from skyarm.control.blocks.disturbance_observer import (
     Observed,
     ObserverGains,
@@ -81,10 +87,9 @@ from skyarm.control.laws.paper import (
     joint_accelerations,
 )
 from skyarm.control.model import Model, Parameters
-from skyarm.dynamics.actuators import Command, mix
+from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.immutable import immutable, positional
-from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle import Vehicle
@@ -110,7 +115,7 @@ class PressingMemory:
         interaction: state of the contact force controller.
     """
 
-    started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
+    started: Started
     observed: Observed
     sent: Command
     interaction: InteractionMemory
@@ -304,8 +309,7 @@ def pressing_command(
     )
     efforts = differences(torques, reaction.efforts)
     thrust = force.force.z - R.apply_T(reaction.force).z
-    speeds, _ = mix(par.mixer, force.torque - reaction.torque, thrust)
-    return Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts))
+    return make_command(par, force.torque - reaction.torque, thrust, efforts)
 
 
 def release_normal(touch: ObservedContact, wanted: Sequence[Scalar]) -> Scalars:

@@ -23,6 +23,7 @@ from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.scalars import absolute, logical_and, logical_or
 from skyarm.compile import Program, trace
 from skyarm.compile.c_source import Floats, StepFile, Struct, Units, make_struct
+from skyarm.control.blocks.common import no_command
 from skyarm.control.controller import (
     Controller,
     learns_load,
@@ -482,9 +483,7 @@ def _structs(
     used = [node.index in live for node in program.lowered.inputs]
     vehicle = controller.par.model.vehicle
     angles = (0.0,) * (len(vehicle.tilts) if turns_rotors(controller) else 0)
-    command = Command(
-        rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=vehicle.zeros, tilts=angles
-    )
+    command = replace(no_command(vehicle), tilts=angles)
     units = {"command": command_units(vehicle)}
     if behind_filter:
         places = [

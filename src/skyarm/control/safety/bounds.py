@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 from skyarm import dynamics
 from skyarm.algebra import (
@@ -83,10 +82,8 @@ def govern_base(
     planned centre of mass and a preview move with the base.
     """
     v_d = _limit_length(reference.velocity, limits.speed)
-    pull = _limit_length(
-        reference.position - measurement.position,
-        divide(mul(limits.speed, damping), stiffness),
-    )
+    off = reference.position - measurement.position
+    pull = _limit_length(off, divide(mul(limits.speed, damping), stiffness))
     brake = v_d - measurement.velocity
     asked = pull * stiffness + brake * damping + reference.acceleration
     rise = minimum(1.0, divide(limits.climb, absolute(asked.z) + TINY))
@@ -98,8 +95,9 @@ def govern_base(
     least = minimum(least, divide(limits.step_speed, brake.norm() + TINY))
     level, rise = maximum(level, least), maximum(rise, least)
     shares = Vec3(level, level, rise)
-    far = _longer(reference.position - measurement.position, pull)
-    fast = _longer(reference.velocity, v_d)
+    # what has become shorter was beyond a limit
+    far = pull.norm() < off.norm()
+    fast = v_d.norm() < reference.velocity.norm()
     bound = [logical_or(logical_or(share < 1.0, far), fast) for share in shares]
 
     def where_bound(new: Vec3, old: Vec3) -> Vec3:
@@ -155,13 +153,6 @@ def _limit_length(v: Vec3, longest: Scalar) -> Vec3:
     length = v.norm()
     share = divide(longest, length + TINY)
     return Vec3(*(where(length > longest, mul(c, share), c) for c in v))
-
-
-def _longer(v: Vec3, shortened: Vec3) -> Any:
-    """True if the vector ``v`` is longer than its copy ``shortened``, so that a limit
-    was active.
-    """
-    return shortened.norm() < v.norm()
 
 
 def govern_joints(

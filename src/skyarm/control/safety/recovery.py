@@ -250,12 +250,3 @@ def steep_error(R_WB: Mat3, R_d: Mat3) -> Vec3:
     relative = R_d.T @ R_WB
     trace = relative.r0.x + relative.r1.y + relative.r2.z
     return attitude_error(R_WB, R_d) * divide(2.0, sqrt(maximum(1.0 + trace, STRAIGHT)))
-
-
-def base_stiffness(recovery: Recovery, mass: Scalar) -> tuple[Scalar, Scalar]:
-    """Vertical stiffness and damping (1/s^2, 1/s) of the recovery law, per unit of
-    mass.
-    """
-    return divide(recovery.gains.position.z, mass), divide(
-        recovery.gains.velocity.z, mass
-    )

@@ -10,7 +10,8 @@ from functools import partial
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, ZERO3_DATA, Quaternion, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import absolute, logical_or, where
+from skyarm.algebra.scalars import absolute, divide, logical_or, where
+from skyarm.control.blocks.common import no_command
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.blocks.select import choose, choose_each
 from skyarm.control.controller import (
@@ -41,7 +42,6 @@ from skyarm.control.safety.limits import (
 from skyarm.control.safety.recovery import (
     Confidence,
     Recovery,
-    base_stiffness,
     finite,
     not_finite,
     pose_of,
@@ -154,7 +154,7 @@ def first_memory(controller: Controller) -> SafetyMemory:
         joints=still,
         ramping=still,
         arm=still,
-        sent=Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=still),
+        sent=no_command(vehicle),
         confidence=Confidence(given_up=0.0, outside=0.0, calm=0.0),
         hold=ZERO3_DATA,
         yaw=0.0,
@@ -232,7 +232,9 @@ def arbitrate(
         par.limits, memory.confidence, measurement, governed.joints, failed, dt
     )
     given_up, before = confidence.given_up > 0.5, memory.confidence.given_up > 0.5
-    hold, yaw = _place(before, memory, measurement)
+    # while the law flies both follow the measurement
+    hold = choose(before, memory.hold, measurement.position)
+    yaw = where(before, memory.yaw, yaw_of(measurement.quaternion))
     arm = choose_each(before, memory.arm, measurement.joints)
     hovering = _hold_reference(par, measurement, hold, yaw, arm, dt)
     rescue = recover(par.recovery, par.model, par.mixer, measurement, hovering)
@@ -258,16 +260,6 @@ def arbitrate(
     )
 
 
-def _place(
-    before: Scalar, memory: SafetyMemory, measurement: Measurement
-) -> tuple[Vec3, Scalar]:
-    """Hover position and heading of the recovery, which follow the measurement while
-    the law flies.
-    """
-    hold = choose(before, memory.hold, measurement.position)
-    return hold, where(before, memory.yaw, yaw_of(measurement.quaternion))
-
-
 def _hold_reference(
     par: SafetyParameters,
     measurement: Measurement,
@@ -280,13 +272,14 @@ def _hold_reference(
     still = (0.0,) * len(par.recovery.stow)
     arm_at_rest = resting_arm(len(still)) | {"joints": par.recovery.stow}
     hover = Reference(position=hold, velocity=ZERO3, yaw=yaw, **arm_at_rest)
-    stiffness, damping = base_stiffness(par.recovery, par.model.vehicle.mass)
+    mass, gains = par.model.vehicle.mass, par.recovery.gains
     base = govern_base(
         hover,
         measurement,
         limits=par.limits,
-        stiffness=stiffness,
-        damping=damping,
+        # vertical ones, as those that are measured on a law
+        stiffness=divide(gains.position.z, mass),
+        damping=divide(gains.velocity.z, mass),
         gravity=par.model.gravity,
     )
     speeds = par.recovery.stow_speed
@@ -417,7 +410,14 @@ def with_safety_layer(
     )
     return Controller(
         name=f"guarded_{controller.name}",
-        law=_layer(controller),
+        # exceptions cannot be caught in a program, and branches cannot be traced; a
+        # functools.partial, unlike a closure, can be pickled
+        law=partial(
+            _traced_law if controller.compiled else _called_law,
+            inner=checked_law(controller),
+            first=controller.memory,
+            margin=controller.margin,
+        ),
         par=par,
         memory=first_memory(controller),
         compiled=controller.compiled,
@@ -436,20 +436,6 @@ def _limits(controller: Controller, limits: Any) -> Limits:
         return limits_for(controller, **limits)
     raise ControllerError(
         f"safety = {shown(limits)}: must be Limits or a mapping of some of their fields"
-    )
-
-
-def _layer(controller: Controller) -> Law:
-    """Step function of a law inside the safety layer, as a picklable
-    functools.partial.
-    """
-    # exceptions cannot be caught in a program, and branches cannot be traced
-    step = _traced_law if controller.compiled else _called_law
-    return partial(
-        step,
-        inner=checked_law(controller),
-        first=controller.memory,
-        margin=controller.margin,
     )
 
 

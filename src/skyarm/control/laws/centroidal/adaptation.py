@@ -47,8 +47,7 @@ from skyarm.algebra.scalars import (
 from skyarm.control.blocks.attitude import derivative, posture
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
-from skyarm.control.blocks.select import vector_data
-from skyarm.control.blocks.tip_force import levers
+from skyarm.control.blocks.tip_force import TipLevers, levers
 from skyarm.control.laws.centroidal.parameters import (
     CentroidalParameters,
     OptionalPart,
@@ -59,9 +58,9 @@ from skyarm.control.laws.centroidal.step_records import Planned, ReferenceMotion
 from skyarm.dynamics import mass_matrix_at_rest
 from skyarm.dynamics.kinematics import jacobian_columns
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import as_data
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle import Vehicle
 
 SMALL = 1e-3
@@ -115,6 +114,7 @@ class Efforts:
 
     def towards(self, new: Efforts, share: Scalar) -> Efforts:
         """Filtered signals of a joint after one low-pass step towards new ones."""
+        # not leaf by leaf: an effort of a joint off the tip's chain is a structural 0
         pairs = ((self.load, new.load), (self.rate, new.rate), (self.given, new.given))
         load, rate, given = (towards(old, now, share) for old, now in pairs)
         return Efforts(load=load, rate=rate, given=given)
@@ -429,13 +429,9 @@ def adapt(
         motion.
         """
         rows = zip(unit.efforts, dampings, turned, strict=True)
-        efforts = tuple(
-            data(sub(mul(kg, effort), mul(b, rate))) for effort, b, rate in rows
-        )
-        return Disturbance(
-            force=vector_data(unit.force * kg),
-            torque=vector_data(unit.torque * kg),
-            efforts=efforts,
+        efforts = tuple(sub(mul(kg, effort), mul(b, rate)) for effort, b, rate in rows)
+        return as_data(
+            Disturbance(force=unit.force * kg, torque=unit.torque * kg, efforts=efforts)
         )
 
     inside, rest = gains.split_damping(joints)
@@ -469,11 +465,14 @@ def filter_signals(
     vehicle, velocity = par.model.vehicle, learned.tip_velocity
     loads: Sequence[Scalar] = vehicle.zeros
     if gains.load is not None:
-        velocity = vector_data(tip_velocity(vehicle, measurement))
+        at = levers(vehicle, measurement.rotation, measurement.joints)
+        velocity = as_data(
+            at.velocity(measurement.velocity, measurement.rate, measurement.joint_rates)
+        )
         # the first measurement has none before it
         rate = where(step.memory.started > 0.5, divide(1.0, dt), 0.0)
         change = (velocity - learned.tip_velocity) * rate
-        loads = felt_load(vehicle, measurement, change + E_Z * par.model.gravity)
+        loads = felt_load(at, change + E_Z * par.model.gravity)
     share = low_pass_share(par.observer.joints, dt)
     acted = learned.at_measurement().efforts
     modelled = gains.split_damping(learned.joints)[0]
@@ -512,20 +511,12 @@ def learn_mass(
     )
 
 
-def tip_velocity(vehicle: Vehicle, measurement: Measurement) -> Vec3:
-    """Measured velocity of the tip (m/s, world axes)."""
-    return levers(vehicle, measurement.rotation, measurement.joints).velocity(
-        measurement.velocity, measurement.rate, measurement.joint_rates
-    )
-
-
-def felt_load(vehicle: Vehicle, measurement: Measurement, proper: Vec3) -> Scalars:
+def felt_load(at: TipLevers, proper: Vec3) -> Scalars:
     """Joint efforts (N m or N) under 1 kg at the tip in the measured motion.
 
     ``proper`` is the measured acceleration of the tip plus g upwards, m/s^2, world
     axes.
     """
-    at = levers(vehicle, measurement.rotation, measurement.joints)
     # by d'Alembert a mass pushes against its acceleration
     pull = -at.R.apply_T(proper)
     return tuple(column.dot(pull) for column in at.columns)

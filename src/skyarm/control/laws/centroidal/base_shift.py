@@ -47,7 +47,6 @@ from skyarm.algebra.scalars import (
 from skyarm.algebra.scalars.taylor import Taylor, choose, inverse_root
 from skyarm.control.blocks.attitude import Posture, derivative, posture, vector_series
 from skyarm.control.blocks.center_of_mass import axes
-from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import (
     SHARES,
     CentroidalParameters,
@@ -56,6 +55,7 @@ from skyarm.control.laws.centroidal.parameters import (
 from skyarm.control.laws.centroidal.tip_tasks import joints_of_turns, tip_columns
 from skyarm.dynamics.kinematics import chain, link_poses, parallel
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import as_data
 from skyarm.records.units import Unit
 from skyarm.reference.preview import Sample
 from skyarm.vehicle import BASE, Vehicle
@@ -491,7 +491,7 @@ def bounded_shift(
         coming_thrusts(rows, line, now) if ahead else (shift.coming, shift.secants)
     )
     after = Shift(
-        place=vector_data(going),
+        place=as_data(going),
         sinking=tuple(data(each.z) for each in moved[1:]),
         secants=secants,
         coming=coming,

@@ -16,18 +16,18 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from skyarm.algebra import E_Z, ZERO3, Mat3, Scalar, Vec3
-from skyarm.algebra.scalars import divide, maximum, minimum, mul, sqrt, where
-from skyarm.algebra.scalars.taylor import Taylor, inverse_root
+from skyarm.algebra.scalars import divide, maximum, minimum, sqrt, where
+from skyarm.algebra.scalars.taylor import inverse_root
 from skyarm.control.blocks.attitude import (
     DesiredAttitude,
     derivative,
     reachable,
     vector_series,
 )
-from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.step_records import RotorForce
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import as_data
 from skyarm.records.units import Unit
 
 
@@ -140,11 +140,8 @@ def thrust(
     off.append(edd)
     pull.append(_attraction(par, off) + kv.hadamard(eddd))
     second = (wanted[4] - _soft_limit(pull)) * mass - force_bend
-    series = (
-        Taylor((f, g, mul(0.5, h)))
-        for f, g, h in zip(force, first, second, strict=True)
-    )
-    limited = reachable(Vec3(*series), par.center.tilt, par.center.floor)
+    series = vector_series((force, first, second))
+    limited = reachable(series, par.center.tilt, par.center.floor)
     given = rotors.achievable([derivative(limited, 0)], R, w)
     return Thrust(
         force=limited,
@@ -243,7 +240,7 @@ def update_arm_motion(
     h = derivative(com, 0)
     return ArmMotion(
         size=memory.size + rate * (size - memory.size),
-        mean=vector_data(memory.mean + (h - memory.mean) * (MEAN * dt)),
+        mean=as_data(memory.mean + (h - memory.mean) * (MEAN * dt)),
     )
 
 

@@ -7,8 +7,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import add, divide, maximum, minimum, mul, sqrt, sub, where
+from skyarm.algebra import (
+    E_Z,
+    ZERO3,
+    ZERO3_DATA,
+    Mat3,
+    Scalar,
+    Scalars,
+    Vec3,
+    inner_product,
+)
+from skyarm.algebra.scalars import (
+    add,
+    divide,
+    maximum,
+    minimum,
+    mul,
+    neg,
+    sqrt,
+    sub,
+    where,
+)
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import (
     DesiredAttitude,
@@ -20,7 +39,7 @@ from skyarm.control.blocks.attitude import (
     posture,
     upright,
 )
-from skyarm.control.blocks.prediction import hub_drag, reference_drag
+from skyarm.control.blocks.prediction import reference_drag
 from skyarm.control.laws.centroidal import com_tracking as center_of_mass
 from skyarm.control.laws.centroidal import tip_tasks
 from skyarm.control.laws.centroidal.base_shift import (
@@ -205,7 +224,10 @@ def plan(step: Step, effect: Effect, coming: Foreseen) -> DesiredMotion:
     after = before
     moved = list[Vec3]()
     if before.shift:
-        drag_rate = hub_drag(vehicle, step.state.rotor_speeds)
+        # hub drag of a level vehicle per horizontal velocity, N s/m, of the terms that
+        # drag_wrench has, too
+        drag_rates = [neg(rotor.drag_coefficient) for rotor in vehicle.rotors]
+        drag_rate = neg(inner_product(drag_rates, step.state.rotor_speeds))
         acting = Acting(force=steady, rate=force_rate, drag=drag_rate)
         moved, shift = bounded_shift(
             par, before.shift, base, yaw, joints, level, acting, effect.ahead, dt
@@ -230,22 +252,23 @@ def plan(step: Step, effect: Effect, coming: Foreseen) -> DesiredMotion:
         )
     planned = force if moved else None
     still = wanted_attitude(par, force, yaw, rotors, planned)
-    if par.mode != "tip":
-        return DesiredMotion(
-            base, still, level, joints, before, changes, rotors, planned
+    goal = None
+    if par.mode == "tip":
+        goal = tip_tasks.goal(vehicle, base, yaw, joints, level)
+        joints = tip_tasks.turned_joints(
+            vehicle, par.tip, goal, still, joints, level, moves
         )
-    goal = tip_tasks.goal(vehicle, base, yaw, joints, level)
-    turned = tip_tasks.turned_joints(
-        vehicle, par.tip, goal, still, joints, level, moves
-    )
-    upright_posture = level
-    level = posture(vehicle, turned, 4)
-    offset = tip_tasks.needed_shift(upright_posture.tip, yaw, level.tip, still)
-    if moved:
-        offset = [*offset, *moved[2:]]
-    base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[len(offset) :]]
+        upright_posture = level
+        level = posture(vehicle, joints, 4)
+        offset = tip_tasks.needed_shift(upright_posture.tip, yaw, level.tip, still)
+        if moved:
+            offset = [*offset, *moved[2:]]
+        base = [
+            *(p + s for p, s in zip(base, offset, strict=False)),
+            *base[len(offset) :],
+        ]
     return DesiredMotion(
-        base, still, level, turned, after, changes, rotors, planned, goal
+        base, still, level, joints, after, changes, rotors, planned, goal
     )
 
 

@@ -23,13 +23,13 @@ from dataclasses import replace
 from typing import Annotated
 
 from skyarm.algebra import ZERO3, ZERO3_DATA, Scalar, Vec3
-from skyarm.algebra.scalars import data, divide, exp, maximum, minimum
+from skyarm.algebra.scalars import divide, exp, maximum, minimum
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance
-from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, OptionalPart
 from skyarm.control.laws.centroidal.step_records import Effect
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import as_data
 from skyarm.records.units import Unit
 
 STAGES = 3
@@ -154,15 +154,16 @@ def update_trend(
     change = (force - forces[-1]) * divide(1.0, gains.horizon)
     predicted = rates[-1] * _no_step(gains, change)
     slow = low_pass_share(gains.forget, dt)
-    return ForceTrend(
-        level=vector_data(level),
-        rate=vector_data(rate),
-        forces=forces,
-        rates=rates,
-        agreement=data(
-            memory.agreement + slow * (predicted.dot(change) - memory.agreement)
-        ),
-        size=data(memory.size + slow * (predicted.dot(rates[-1]) - memory.size)),
+    return as_data(
+        ForceTrend(
+            level=level,
+            rate=rate,
+            forces=forces,
+            rates=rates,
+            agreement=memory.agreement
+            + slow * (predicted.dot(change) - memory.agreement),
+            size=memory.size + slow * (predicted.dot(rates[-1]) - memory.size),
+        )
     )
 
 
@@ -172,7 +173,7 @@ def _advance_delay(
     """Delay line one period later: a chain of first-order lags driven by ``value``."""
     delayed = []
     for each in chain:
-        value = vector_data(each + (value - each) * share)
+        value = as_data(each + (value - each) * share)
         delayed.append(value)
     return tuple(delayed)
 

@@ -22,11 +22,11 @@ from dataclasses import replace
 from typing import Annotated
 
 from skyarm.algebra import ZERO3_DATA, Scalar, Vec3
-from skyarm.algebra.scalars import clip, data, divide, maximum, sqrt
-from skyarm.control.blocks.select import vector_data
+from skyarm.algebra.scalars import clip, divide, maximum, sqrt
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, OptionalPart
 from skyarm.control.laws.centroidal.step_records import ObserverOutput
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import as_data
 from skyarm.records.units import Unit, positive
 from skyarm.vehicle import Vehicle
 
@@ -91,11 +91,8 @@ class White:
         # a mean over three axes; what lasts longer than a period makes it negative, so
         # it is bounded on both sides
         variance = clip(change.dot(self.change) * (-1.0 / 3.0), -most, most)
-        return White(
-            last=vector_data(left),
-            change=vector_data(change),
-            variance=data(self.variance + (variance - self.variance) * (RATE * dt)),
-        )
+        moved = self.variance + (variance - self.variance) * (RATE * dt)
+        return as_data(White(last=left, change=change, variance=moved))
 
     def share(self, density: Scalar, dt: Scalar) -> Scalar:
         """Square root of the ratio of a nominal to the estimated noise density, at most

@@ -117,20 +117,22 @@ def fit_gains(
         fitted["accelerometer"] = heard * CARRYING, velocity
     if mode == "tip" and vehicle.end_effector:
         # both go with the root of the arm's length: the preview is as long as its
-        # pendulum swings
-        fitted |= {
-            name: gains[name] * damping_share(vehicle)
-            for name in ("damping", "preview")
-        }
+        # pendulum swings, and small errors of height fold a longer arm that hangs
+        # straight. A damping that grows as the length costs a hover's accuracy under
+        # noise two thirds, one that grows as its root a tenth to a third; both hold it
+        longer = math.sqrt(max(arm_length(vehicle), SHORTEST) / ARM)
+        fitted |= {name: gains[name] * longer for name in ("damping", "preview")}
         if not presses:
             kp, kd = gains["tip"]
-            kd *= tip_damping_share(vehicle)
+            room = slide_room(vehicle)
+            if math.isfinite(room):
+                kd *= SLIDING
             if not carries:
                 light = tip_lightness(vehicle)
                 kp /= min(light, LIGHTEST)
                 force, torque, joints, pose = gains["observer"]
                 fitted["observer"] = force, torque, joints * min(light, QUICKEST), pose
-                fitted["reach"] = min(gains["reach"], slide_room(vehicle))
+                fitted["reach"] = min(gains["reach"], room)
             fitted["tip"] = kp, kd
     return {name: value for name, value in fitted.items() if name not in given}
 
@@ -168,17 +170,6 @@ def preview_of(
     return float(preview)
 
 
-def damping_share(vehicle: Vehicle) -> float:
-    """Factor on the options ``damping`` and ``preview``: square root of the arm length
-    over a nominal length.
-
-    Small errors of height fold a longer arm that hangs straight. A damping that grows
-    as the length costs a hover's accuracy under noise two thirds, one that grows as its
-    root a tenth to a third; both hold the arm.
-    """
-    return math.sqrt(max(arm_length(vehicle), SHORTEST) / ARM)
-
-
 CARRYING = 0.75
 """Factor on the accelerometer's bandwidth for a vehicle that picks up loads. A box that
 stands holds the tip, and the arm buckles under a force that is pressed on it. Of 256
@@ -188,18 +179,12 @@ flights that pick a box 15 lost it with 1."""
 SLIDING = 1.6
 """Factor on the tip's damping for an arm with sliding joints between limits. Of 200
 wrong plants of an octocopter 45 were lost with 1, 9 with 1.6, 4 with 2.1, which shakes
-the rotors by a fifth more."""
+the rotors by a fifth more.
 
-
-def tip_damping_share(vehicle: Vehicle) -> float:
-    """Factor on the tip's damping: above 1 for an arm with sliding joints between
-    limits.
-
-    A load that nobody told of acts on a sliding joint in full, without a lever. It
-    divides both gains by the inertia it adds, and under the observer's integrator the
-    loop swings beyond the limits.
-    """
-    return SLIDING if math.isfinite(slide_room(vehicle)) else 1.0
+A load that nobody told of acts on a sliding joint in full, without a lever. It divides
+both gains by the inertia it adds, and under the observer's integrator the loop swings
+beyond the limits.
+"""
 
 
 MOBILITY = 38.0

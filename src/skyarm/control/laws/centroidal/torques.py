@@ -16,7 +16,11 @@ from skyarm.algebra.scalars import (
     sub,
     where,
 )
-from skyarm.control.blocks.actuators import command_for, compensate_motor_lag
+from skyarm.control.blocks.actuators import (
+    command_for,
+    compensate_motor_lag,
+    limit_efforts,
+)
 from skyarm.control.blocks.center_of_mass import forces_under_thrust, reaction
 from skyarm.control.blocks.prediction import Disturbance, motor_speeds
 from skyarm.control.laws.centroidal.parameters import Step
@@ -98,11 +102,7 @@ def actuate(
     par, state, dt, trim = step.par, step.state, step.dt, step.memory.trim
     model = par.model
     torque, efforts = needed(model, state, demand, unknown)
-    limits = [joint.effort_limit for joint in model.vehicle.joints]
-    limited = tuple(
-        clip(data(effort), -limit, limit)
-        for effort, limit in zip(efforts, limits, strict=True)
-    )
+    limited = limit_efforts(par, tuple(map(data, efforts)))
     missing = differences(efforts, limited)
     arm = reaction(model.vehicle, state.joints)
     late = arm.accelerations(missing)
@@ -132,8 +132,8 @@ def actuate(
         free=(
             where(inside, 1.0, 0.0),
             *(
-                where(absolute(e) < limit, 1.0, 0.0)
-                for e, limit in zip(efforts, limits, strict=True)
+                where(absolute(e) < joint.effort_limit, 1.0, 0.0)
+                for e, joint in zip(efforts, model.vehicle.joints, strict=True)
             ),
         ),
         trim=tuple(

@@ -30,7 +30,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from skyarm.algebra import E_Z, Motion, Scalar, Scalars, Vec3, differences
-from skyarm.algebra.scalars import add, clip, divide, mul, sub, tanh, where
+from skyarm.algebra.scalars import clip, divide, mul, sub, tanh, total, where
 from skyarm.control.blocks.common import (
     coupled_forces,
     make_command,
@@ -101,7 +101,7 @@ class Network:
         ]
         for i, layer in enumerate(self.layers):
             sums = [
-                _affine(row, values, offset)
+                total([offset, *(mul(w, x) for w, x in zip(row, values, strict=True))])
                 for row, offset in zip(layer.weights, layer.offsets, strict=True)
             ]
             values = (
@@ -113,13 +113,6 @@ class Network:
                 values, self.scales, self.limits, strict=True
             )
         )
-
-
-def _affine(row: Sequence[Scalar], values: Sequence[Scalar], offset: Scalar) -> Scalar:
-    total = offset
-    for w, x in zip(row, values, strict=True):
-        total = add(total, mul(w, x))
-    return total
 
 
 Training = dict[str, Any]
@@ -413,7 +406,7 @@ def compensate(
     efforts = differences(torques, unknown[6:])
     return make_command(
         par, force.torque - torque_B, force.force.z - force_B.z, efforts
-    )[0]
+    )
 
 
 def network_for(model: Model, network: Any) -> Network:

@@ -113,15 +113,7 @@ def under_contact(
     free, moved = along(disturbance), along(disturbance + unit)
     damped = -contact.damping * n.dot(tip_velocity(model, state))
     force = divide(damped - free, moved - free) * contact.touching
-    pressed = Disturbance(
-        force=disturbance.force + unit.force * force,
-        torque=disturbance.torque + unit.torque * force,
-        efforts=tuple(
-            e + u * force
-            for e, u in zip(disturbance.efforts, unit.efforts, strict=True)
-        ),
-    )
-    return pressed, force
+    return disturbance + unit * force, force
 
 
 MODES = ("tool", "joints", "plan")

@@ -17,10 +17,13 @@ from functools import partial
 
 import numpy as np
 
-from skyarm.algebra import Motion, Scalar, Scalars, Vec3, differences
+from skyarm.algebra import Motion, Scalar, Vec3, differences
 from skyarm.algebra.scalars import atan2, cos, divide, maximum, minimum, mul, sin, sqrt
-from skyarm.control.blocks.actuators import limit_efforts
-from skyarm.control.blocks.common import turn_towards, wanted_specific_force
+from skyarm.control.blocks.common import (
+    make_command,
+    turn_towards,
+    wanted_specific_force,
+)
 from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.laws.paper import (
@@ -32,7 +35,7 @@ from skyarm.control.laws.predictive.cost import Weights
 from skyarm.control.laws.predictive.preview import SampledReference
 from skyarm.control.laws.predictive.solver import Compiled, MotionPlan
 from skyarm.control.model import Model, Parameters
-from skyarm.dynamics.actuators import AllocationError, Command, mix
+from skyarm.dynamics.actuators import AllocationError, Command
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import positional
 from skyarm.reference import Reference
@@ -158,15 +161,12 @@ class Stabiliser:
     """
 
     def __init__(self, model: Model) -> None:
-        par = _parameters(model)
         joints = model.vehicle.n
-        self.rotors = len(model.vehicle.rotors)
-        signals = ((0.0,) * (4 + joints),) * 3
         self.law = Compiled(
-            partial(_computed_torque, par),
-            blank_measurement(joints, self.rotors),
+            partial(_computed_torque, _parameters(model)),
+            blank_measurement(joints, len(model.vehicle.rotors)),
             no_disturbance(joints),
-            signals,
+            ((0.0,) * (4 + joints),) * 3,
         )
 
     def command(
@@ -175,11 +175,7 @@ class Stabiliser:
         """Command of the law that flies while model predictive control has no good
         plan.
         """
-        values = self.law(reading, disturbance, *sample.motion).tolist()
-        return Command(
-            rotor_speeds=tuple(values[: self.rotors]),
-            efforts=tuple(values[self.rotors :]),
-        )
+        return self.law.record(reading, disturbance, *sample.motion)
 
 
 def _computed_torque(
@@ -187,19 +183,22 @@ def _computed_torque(
     reading: Measurement,
     unknown: Disturbance,
     signals: Sequence[Sequence[Scalar]],
-) -> Scalars:
-    """Rotor speeds and joint efforts of computed torque with limited tilt and
-    compensated disturbance.
-    """
+) -> Command:
+    """Command of computed torque with limited tilt and compensated disturbance."""
     model, (values, rates, accelerations) = par.model, signals
     vehicle = model.vehicle
     R = reading.rotation
     pushed = unknown.force * divide(1.0, vehicle.mass)
+    # the attitude error is the sine of the turn: a nose that points backwards would
+    # take the torque from the tilt, so it turns by no more at once, the shorter way
+    heading = yaw_of(reading.quaternion)
+    off = values[3] - heading
+    off = atan2(sin(off), cos(off))
     goal = Reference(
         position=Vec3(*values[:3]),
         velocity=Vec3(*rates[:3]),
         acceleration=Vec3(*accelerations[:3]) - pushed,
-        yaw=_near(values[3], yaw_of(reading.quaternion)),
+        yaw=heading + maximum(-TURN, minimum(off, TURN)),
         yaw_rate=rates[3],
         joints=tuple(values[4:]),
         joint_rates=tuple(rates[4:]),
@@ -215,24 +214,12 @@ def _computed_torque(
     force, torques = generalized_force(
         par, R, reading, base, joint_accelerations(par, reading, goal)
     )
-    speeds, _ = mix(
-        par.mixer,
+    return make_command(
+        par,
         force.torque - unknown.torque,
         (force.force - R.apply_T(unknown.force)).z,
+        differences(torques, unknown.efforts),
     )
-    return (*speeds, *limit_efforts(par, differences(torques, unknown.efforts)))
-
-
-def _near(yaw: Scalar, heading: Scalar) -> Scalar:
-    """Desired yaw (rad) limited to :data:`TURN` from the present heading, on the
-    shorter side.
-
-    The attitude error is the sine of the turn: a nose that points backwards would take
-    the torque from the tilt.
-    """
-    off = yaw - heading
-    off = atan2(sin(off), cos(off))
-    return heading + maximum(-TURN, minimum(off, TURN))
 
 
 def _climbable(force: Vec3, gravity: Scalar) -> Vec3:

@@ -28,7 +28,6 @@ Source: Diehl, Bock, Schloeder 2005 (real-time iteration); Tassa, Mansard, Todor
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
@@ -36,12 +35,13 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from skyarm.algebra import ZERO3_DATA, Vec3
+from skyarm.algebra import ZERO3_DATA, Quaternion, Vec3
 from skyarm.control.blocks.force_control import (
     InteractionGains,
     InteractionMemory,
     require_thresholds,
 )
+from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.law_maker import checked_option, option_numbers
 from skyarm.control.laws.paper import level_joint_gravity
@@ -85,7 +85,7 @@ from skyarm.control.laws.predictive.tip_contact import (
     contact_goals,
     shift_ahead,
 )
-from skyarm.control.model import Model
+from skyarm.control.model import MeasurementAge, Model
 from skyarm.dynamics.actuators import Command, Mixer, make_mixer
 from skyarm.records.arrays import Array, float_array, norm
 from skyarm.records.files import shown
@@ -146,9 +146,7 @@ class PredictiveParameters:
             effect="higher values cost less time and react later",
         ),
     ]
-    delay_periods: Annotated[
-        int, Unit("control periods", "known age of the measurement", low=0, high=100)
-    ]
+    delay_periods: MeasurementAge
     interaction: InteractionGains | None = None
 
     @property
@@ -546,7 +544,8 @@ def problem_at(
         targets[:, :3] += error * (1.0 - LONGEST_ERROR / distance)
     # a goal's row: position, velocity, heading, then joints from 7 on
     # the turn on the shorter side, as headings may be turns apart
-    off = float(np.angle(np.exp(1j * (_heading(x) - targets[0, 6]))))
+    heading = yaw_of(Quaternion(*x[3:7].tolist()))
+    off = float(np.angle(np.exp(1j * (heading - targets[0, 6]))))
     targets[:, 6] += off - np.clip(off, -WIDEST_TURN, WIDEST_TURN)
     joints = model.vehicle.n
     beyond = x[13 : 13 + joints] - targets[0, 7 : 7 + joints]
@@ -556,12 +555,6 @@ def problem_at(
     return Problem(
         x, bearable(disturbance, engine.bounds.efforts), np.hstack([targets, planned])
     )
-
-
-def _heading(x: Array) -> float:
-    """Heading (rad) of a state array."""
-    w, a, b, c = x[3:7].tolist()
-    return math.atan2(2.0 * (w * c + a * b), 1.0 - 2.0 * (b * b + c * c))
 
 
 def bearable(disturbance: Array, most: Array) -> Array:

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, Force, Mat3, Motion, Scalar, Scalars, Vec3, ldl_solve
+from skyarm.algebra import Force, Mat3, Motion, Scalar, Scalars, Vec3, ldl_solve
 from skyarm.algebra.scalars import divide, exp, maximum, minimum, where
+from skyarm.control.blocks.center_of_mass import arm_reaction
 from skyarm.control.blocks.prediction import Disturbance, acceleration_under
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -74,16 +75,9 @@ def base_accelerations(
     vehicle, R = model.vehicle, state.rotation
     applied = _on_base(model, state, R, disturbance)
     # what the arm alone needs of the base; the rest of the wrench accelerates it
-    still = Motion(ZERO3, ZERO3)
-    needed, _ = dynamics.inverse_dynamics(
-        vehicle,
-        state.joints,
-        state.rate,
-        state.joint_rates,
-        still,
-        joint_accelerations,
+    pushed = applied - arm_reaction(
+        vehicle, state.joints, state.rate, state.joint_rates, joint_accelerations
     )
-    pushed = applied - needed
     whole = [
         row[:6]
         for row in dynamics.mass_matrix(vehicle, Mat3.identity(), state.joints)[:6]

@@ -71,8 +71,7 @@ def bulut_computed_torque(
     )
     upright = maximum(R.r2.z, FLATTEST)
     thrust = divide(par.model.vehicle.mass * specific.z, upright)
-    command, _ = make_command(par, force.torque, thrust, torques)
-    return memory, command
+    return memory, make_command(par, force.torque, thrust, torques)
 
 
 def _angular(

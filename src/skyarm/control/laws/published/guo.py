@@ -22,7 +22,7 @@ section 1.
 
 from __future__ import annotations
 
-from skyarm.algebra import E_Z, ZERO3, Scalar, Sym3, Vec3, axis_rotation
+from skyarm.algebra import E_Z, ZERO3, Scalar, Vec3, axis_rotation
 from skyarm.control.blocks.center_of_mass import (
     arm_reaction,
     center_velocity,
@@ -86,19 +86,12 @@ def guo_center_of_inertia(
     up = acceleration + E_Z * par.model.gravity - pull * inverse_mass(vehicle)
     thrust = vehicle.mass * up.dot(R.column(2))
     alpha = turn_towards(par, measurement, reference, R, up)
-    torque = _about_origin(J, alpha, w, c, thrust)
+    # about the base origin, where the mixer takes it
+    torque = J.apply(alpha) + w.cross(J.apply(w)) + c.cross(E_Z * thrust)
     efforts = arm_alone(
         par, R, measurement.joints, joint_accelerations(par, measurement, reference)
     )
-    command, _ = make_command(par, torque, thrust, efforts)
-    return memory, command
-
-
-def _about_origin(J: Sym3, alpha: Vec3, w: Vec3, c: Vec3, thrust: Scalar) -> Vec3:
-    """Rotor torque about the base origin for an angular acceleration about the centre
-    of mass.
-    """
-    return J.apply(alpha) + w.cross(J.apply(w)) + c.cross(E_Z * thrust)
+    return memory, make_command(par, torque, thrust, efforts)
 
 
 make_guo = law_maker("guo2023", guo_center_of_inertia)

@@ -40,6 +40,7 @@ from skyarm.algebra import (
 from skyarm.algebra.scalars import divide, minimum, where
 from skyarm.control.blocks.center_of_mass import forces_under_thrust
 from skyarm.control.blocks.common import (
+    Started,
     arm_alone,
     make_command,
     no_command,
@@ -56,7 +57,7 @@ from skyarm.control.blocks.filters import (
 from skyarm.control.blocks.select import choose_each
 from skyarm.control.law_maker import law_maker
 from skyarm.control.laws.paper import joint_accelerations
-from skyarm.control.model import Parameters
+from skyarm.control.model import MeasurementAge, Parameters
 from skyarm.dynamics.actuators import Command, speeds_after
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend
@@ -91,9 +92,7 @@ class IndiParameters(Parameters):
         ),
     ] = 15.0
     measured_speeds: bool = True
-    delay_periods: Annotated[
-        int, Unit("control periods", "known age of the measurement", low=0, high=100)
-    ] = 0
+    delay_periods: MeasurementAge = 0
 
 
 @immutable
@@ -111,7 +110,7 @@ class IndiMemory:
             measured.
     """
 
-    started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
+    started: Started
     taps: tuple[Taps, ...]
     rate: Annotated[Vec3, Unit("rad/s", "filtered angular velocity, base axes")]
     joint_rates: Annotated[Scalars, Unit("rad/s or m/s", "filtered joint rates")]
@@ -136,7 +135,12 @@ def indi(
     """
     vehicle, R, n = par.model.vehicle, measurement.rotation, par.model.vehicle.n
     first = memory.started < 0.5
-    speeds = _speeds(memory, measurement, par, first, dt)
+    speeds = measurement.rotor_speeds
+    if not par.measured_speeds:
+        # modelled by the commands that are as late as the measurement
+        late = memory.sent[0].rotor_speeds
+        turned = speeds_after(vehicle.rotors, memory.speeds, late, dt)
+        speeds = choose_each(first, speeds, turned)
     # before the first command the joints are taken to hold the arm
     hold = arm_alone(par, R, measurement.joints, (0,) * n)
     taps, signals = _filter_signals(
@@ -168,44 +172,23 @@ def indi(
         angular=alpha - alpha_f,
         joint_accelerations=differences(qdd, qdd_f),
     )
-    command, _ = make_command(
+    command = make_command(
         par,
         torque + more.torque,
         along,
         sums(efforts, pull),
     )
-    return (
-        IndiMemory(
-            started=1.0,
-            taps=taps,
-            rate=rate,
-            joint_rates=tuple(joint_rates),
-            sent=_command_history(
-                memory,
-                command,
-                Command(rotor_speeds=measurement.rotor_speeds, efforts=hold),
-                first,
-            ),
-            speeds=() if par.measured_speeds else speeds,
-        ),
-        command,
+    # before the first command the actuators are taken to have held what they do
+    held = Command(rotor_speeds=measurement.rotor_speeds, efforts=hold)
+    following = IndiMemory(
+        started=1.0,
+        taps=taps,
+        rate=rate,
+        joint_rates=tuple(joint_rates),
+        sent=(*(blend(first, held, old) for old in memory.sent[1:]), command),
+        speeds=() if par.measured_speeds else speeds,
     )
-
-
-def _speeds(
-    memory: IndiMemory,
-    measurement: Measurement,
-    par: IndiParameters,
-    first: Scalar,
-    dt: Scalar,
-) -> Scalars:
-    """Rotor speeds: measured, or modelled with the measurement's delay."""
-    if par.measured_speeds:
-        return measurement.rotor_speeds
-    turned = speeds_after(
-        par.model.vehicle.rotors, memory.speeds, memory.sent[0].rotor_speeds, dt
-    )
-    return choose_each(first, measurement.rotor_speeds, turned)
+    return following, command
 
 
 def _filter_signals(
@@ -236,15 +219,6 @@ def _filter_signals(
         for value, old in zip(signals, memory.taps, strict=True)
     )
     return filtered_all(taps, signals, coefficients)
-
-
-def _command_history(
-    memory: IndiMemory, command: Command, standing: Command, first: Scalar
-) -> tuple[Command, ...]:
-    """Commands of the last periods, newest last, with the actuators held before the
-    first command.
-    """
-    return (*(blend(first, standing, old) for old in memory.sent[1:]), command)
 
 
 def first_memory(par: IndiParameters) -> IndiMemory:

@@ -23,9 +23,9 @@ Source: Kim, Choi, Kim, IROS 2013; Slotine, Li 1991, chapter 7.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated
 
-from skyarm import dynamics
 from skyarm.algebra import (
     E_Z,
     ZERO3_DATA,
@@ -35,16 +35,23 @@ from skyarm.algebra import (
     Scalars,
     Sym3,
     Vec3,
+    differences,
     ldl_solve,
+    sums,
 )
 from skyarm.algebra.scalars import clip, divide, logical_and, maximum, sqrt, tanh, where
-from skyarm.control.blocks.actuators import all_follow, joints_follow, rotors_follow
-from skyarm.control.blocks.common import make_command, no_command
+from skyarm.control.blocks.actuators import (
+    all_follow,
+    joints_follow,
+    limit_efforts,
+    rotors_follow,
+)
+from skyarm.control.blocks.common import coupled_forces, no_command
 from skyarm.control.blocks.geometric import attitude_error, desired_attitude, rate_error
 from skyarm.control.controller import all_applied
 from skyarm.control.law_maker import law_maker
 from skyarm.control.model import Parameters
-from skyarm.dynamics.actuators import Command
+from skyarm.dynamics.actuators import Command, mix
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.reference import Reference
@@ -151,6 +158,23 @@ def sliding_mode(
     return s, -(slope * rate) - gain * s, push
 
 
+def _sliding_modes(
+    errors: Iterable[Scalar],
+    rates: Iterable[Scalar],
+    stiffness: Iterable[Scalar],
+    damping: Iterable[Scalar],
+    group: int,
+    par: SlidingParameters,
+) -> tuple[Scalars, Scalars, Scalars]:
+    """Sliding variables of a group of coordinates, and linear and switching parts of
+    their desired accelerations.
+    """
+    rows = zip(errors, rates, stiffness, damping, strict=True)
+    modes = [sliding_mode(*row, group, par) for row in rows]
+    s, linear, push = zip(*modes, strict=True) if modes else ((), (), ())
+    return s, linear, push
+
+
 def kim_sliding_mode(
     memory: SlidingMemory,
     measurement: Measurement,
@@ -162,52 +186,42 @@ def kim_sliding_mode(
     """Adaptive sliding mode: sliding accelerations through the coupled inverse
     dynamics.
     """
-    vehicle, R = par.model.vehicle, measurement.rotation
+    R = measurement.rotation
     s_p, up = _translation(memory, measurement, reference, par)
     s_R, alpha = _rotation(memory, measurement, reference, R, up, par)
     s_q, qdd = _arm(memory, measurement, reference, par)
     base = Motion(alpha, R.apply_T(up))
-    force, torques = dynamics.inverse_dynamics(
-        vehicle,
-        measurement.joints,
-        measurement.rate,
-        measurement.joint_rates,
-        base,
-        qdd,
-    )
-    command, squares = make_command(par, force.torque, force.force.z, torques)
+    force, torques = coupled_forces(par, measurement, base, qdd)
+    speeds, squares = mix(par.mixer, force.torque, force.force.z)
+    command = Command(rotor_speeds=speeds, efforts=limit_efforts(par, torques))
     # one actuator that was cut spoils every acceleration, so all adaptations stand
     # still
     unchanged = all_follow(memory.applied)
     free = logical_and(rotors_follow(par.mixer, squares), unchanged)
 
-    def adapt(delta: Scalar, s: Scalar, group: int, inside: Scalar) -> Scalar:
-        moved = clip(
-            delta + par.adaptation[group] * s * dt, -par.limit[group], par.limit[group]
+    def adapted(
+        deltas: Iterable[Scalar],
+        sliding: Iterable[Scalar],
+        group: int,
+        inside: Iterable[Scalar],
+    ) -> Scalars:
+        rate, limit = par.adaptation[group], par.limit[group]
+        return tuple(
+            where(fits, clip(delta + rate * s * dt, -limit, limit), delta)
+            for delta, s, fits in zip(deltas, sliding, inside, strict=True)
         )
-        return where(inside, moved, delta)
 
-    follow = [logical_and(fits, unchanged) for fits in joints_follow(vehicle, torques)]
+    follow = [
+        logical_and(fits, unchanged)
+        for fits in joints_follow(par.model.vehicle, torques)
+    ]
     return (
         SlidingMemory(
-            position=Vec3(
-                *(
-                    adapt(d, s, 0, free)
-                    for d, s in zip(memory.position, s_p, strict=True)
-                )
-            ),
-            attitude=Vec3(
-                *(
-                    adapt(d, s, 1, free)
-                    for d, s in zip(memory.attitude, s_R, strict=True)
-                )
-            ),
-            joints=tuple(
-                adapt(d, s, 2, ok)
-                for d, s, ok in zip(memory.joints, s_q, follow, strict=True)
-            ),
+            position=Vec3(*adapted(memory.position, s_p, 0, (free,) * 3)),
+            attitude=Vec3(*adapted(memory.attitude, s_R, 1, (free,) * 3)),
+            joints=adapted(memory.joints, s_q, 2, follow),
             sent=command,
-            applied=all_applied(vehicle.n),
+            applied=all_applied(len(follow)),
         ),
         command,
     )
@@ -218,20 +232,15 @@ def _translation(
     measurement: Measurement,
     reference: Reference,
     par: SlidingParameters,
-) -> tuple[list[Scalar], Vec3]:
+) -> tuple[Scalars, Vec3]:
     """Sliding variables of the position, and desired specific force, world axes."""
     per_mass = divide(1.0, par.model.vehicle.mass)
     error = measurement.position - reference.position
     drift = measurement.velocity - reference.velocity
     kp, kd = par.gains.position * per_mass, par.gains.velocity * per_mass
-    pairs = [
-        sliding_mode(e, ed, stiffness, damping, 0, par)
-        for e, ed, stiffness, damping in zip(error, drift, kp, kd, strict=True)
-    ]
-    feedback = Vec3(*(a - push for _, a, push in pairs)) - memory.position
-    return [
-        s for s, _, _ in pairs
-    ], feedback + reference.acceleration + E_Z * par.model.gravity
+    s, linear, push = _sliding_modes(error, drift, kp, kd, 0, par)
+    feedback = Vec3(*linear) - Vec3(*push) - memory.position
+    return s, feedback + reference.acceleration + E_Z * par.model.gravity
 
 
 def _rotation(
@@ -241,7 +250,7 @@ def _rotation(
     R: Mat3,
     up: Vec3,
     par: SlidingParameters,
-) -> tuple[list[Scalar], Vec3]:
+) -> tuple[Scalars, Vec3]:
     """Sliding variables of the attitude, and desired angular acceleration, base axes.
 
     Per axis the rates are those of its moment of inertia alone; the linear part is then
@@ -255,20 +264,15 @@ def _rotation(
     drift = rate_error(measurement.rate, R, R_d, reference.yaw_rate, par.rate_error)
     kp = ldl_solve(own, list(par.gains.attitude))
     kd = ldl_solve(own, list(par.gains.rate))
-    pairs = [
-        sliding_mode(e, ed, stiffness, damping, 1, par)
-        for e, ed, stiffness, damping in zip(error, drift, kp, kd, strict=True)
-    ]
-    linear = Vec3(*(a for _, a, _ in pairs))
+    s, accelerations, push = _sliding_modes(error, drift, kp, kd, 1, par)
+    linear = Vec3(*accelerations)
     # J^-1 diag(J) linear = linear - J^-1 (J - diag(J)) linear: without products of
     # inertia nothing is left to round
     mixed = Sym3(0, 0, 0, J.xy, J.xz, J.yz).apply(linear)
     turned = linear - Vec3(
         *ldl_solve([list(row) for row in J.full().rows], list(mixed))
     )
-    return [s for s, _, _ in pairs], turned - Vec3(
-        *(push for _, _, push in pairs)
-    ) - memory.attitude
+    return s, turned - Vec3(*push) - memory.attitude
 
 
 def _arm(
@@ -276,25 +280,18 @@ def _arm(
     measurement: Measurement,
     reference: Reference,
     par: SlidingParameters,
-) -> tuple[list[Scalar], Scalars]:
+) -> tuple[Scalars, Scalars]:
     """Sliding variables of the joints, and desired joint accelerations."""
-    sliding, accelerations = [], []
-    for i in range(par.model.vehicle.n):
-        error = measurement.joints[i] - reference.joints[i]
-        drift = measurement.joint_rates[i] - reference.joint_rates[i]
-        s, a, push = sliding_mode(
-            error,
-            drift,
-            par.joint_gains.stiffness[i],
-            par.joint_gains.damping[i],
-            2,
-            par,
-        )
-        sliding.append(s)
-        accelerations.append(
-            a - push + reference.joint_accelerations[i] - memory.joints[i]
-        )
-    return sliding, tuple(accelerations)
+    s, linear, push = _sliding_modes(
+        differences(measurement.joints, reference.joints),
+        differences(measurement.joint_rates, reference.joint_rates),
+        par.joint_gains.stiffness,
+        par.joint_gains.damping,
+        2,
+        par,
+    )
+    wanted = sums(differences(linear, push), reference.joint_accelerations)
+    return s, differences(wanted, memory.joints)
 
 
 def first_memory(par: SlidingParameters) -> SlidingMemory:

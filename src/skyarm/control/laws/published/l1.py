@@ -50,6 +50,7 @@ from skyarm.algebra import (
 )
 from skyarm.algebra.scalars import clip, divide, exp, minimum, where
 from skyarm.control.blocks.common import (
+    Started,
     coupled_forces,
     inverse_mass,
     make_command,
@@ -167,7 +168,7 @@ class L1Memory:
             efforts_twice: the same of the joints.
     """
 
-    started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
+    started: Started
     quaternion: Annotated[
         Quaternion, Unit("", "attitude w x y z measured one period ago, base to world")
     ]
@@ -364,7 +365,7 @@ def _command(
         force.torque - filtered.torque_twice,
         force.force.z - filtered.thrust,
         torques,
-    )[0]
+    )
 
 
 def limits(model: Model) -> dict[str, Scalar]:

@@ -71,8 +71,8 @@ def li_feedforward(
         + whole.moment.cross(R.apply_T(specific))
     )
     efforts = arm_alone(par, R, q, joint_accelerations(par, measurement, reference))
-    command, _ = make_command(par, torque, vehicle.mass * up.dot(R.column(2)), efforts)
-    return memory, command
+    thrust = vehicle.mass * up.dot(R.column(2))
+    return memory, make_command(par, torque, thrust, efforts)
 
 
 make_li = law_maker("li2024", li_feedforward)

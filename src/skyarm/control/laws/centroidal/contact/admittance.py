@@ -30,7 +30,6 @@ from skyarm.algebra.scalars import (
     logical_and,
     logical_or,
     maximum,
-    mul,
     sqrt,
     where,
 )
@@ -39,7 +38,6 @@ from skyarm.control.blocks.disturbance_observer import Observed, disturbance
 from skyarm.control.blocks.filters import low_pass, low_pass_share
 from skyarm.control.blocks.force_control import SENSING, SensorBandwidth
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
-from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import ForceErrors, levers, tip_force
 from skyarm.control.controller import ControllerError, LawOptions
 from skyarm.control.laws.centroidal.parameters import OptionalPart, Step
@@ -48,6 +46,7 @@ from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.coerce import concrete
 from skyarm.records.files import Fields, errors_as, shown
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import as_data
 from skyarm.records.units import Unit, nonnegative
 from skyarm.vehicle import Vehicle
 
@@ -323,13 +322,13 @@ def shift_reference(
     if sensed and memory.sensor_bias and reading and gains.sensing is not None:
         sensed = low_pass(sensed, Vec3(*reading), gains.sensing, dt)
         turned = at.R @ frame_pose(vehicle, vehicle.frame(), observed.joints).R
-        value, sensed = turned.apply(sensed - memory.sensor_bias), vector_data(sensed)
-    memory = replace(memory, force=vector_data(value), sensed=sensed)
+        value, sensed = turned.apply(sensed - memory.sensor_bias), as_data(sensed)
+    memory = replace(memory, force=as_data(value), sensed=sensed)
     memory = detect(gains.detection, memory, d, estimate, dt)
     body, shift = move(gains.tip, memory.body, memory.force * memory.detected, dt)
     moved = (
-        signal + Taylor((p, v, mul(0.5, a), 0, 0))
-        for signal, p, v, a in zip(signals[:3], *shift, strict=True)
+        signal + Taylor.of_derivatives((*by, 0, 0))
+        for signal, *by in zip(signals[:3], *shift, strict=True)
     )
     return replace(memory, body=body), [*moved, *signals[3:]]
 
@@ -360,7 +359,7 @@ def detect(
     unexplained = replace(observed, force=observed.force - force * detected)
     offset = memory.sensor_bias
     if offset and memory.sensed:
-        offset = vector_data(offset + (memory.sensed - offset) * share)
+        offset = as_data(offset + (memory.sensed - offset) * share)
     return replace(
         memory,
         age=where(settled, memory.age, memory.age + dt),

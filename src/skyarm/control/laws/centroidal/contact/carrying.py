@@ -39,18 +39,16 @@ from skyarm.algebra import (
     Scalars,
     Sym3,
     Vec3,
+    axis_rotation,
     sums,
 )
 from skyarm.algebra.scalars import (
     add,
     clip,
-    cos,
     data,
     divide,
     exp,
     maximum,
-    mul,
-    sin,
     sqrt,
     where,
 )
@@ -60,7 +58,6 @@ from skyarm.control.blocks.center_of_mass import central_inertia, locked_inertia
 from skyarm.control.blocks.disturbance_observer import disturbance
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance, no_disturbance
-from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import AXES, ForceErrors, LeastSquares
 from skyarm.control.laws.centroidal.parameters import (
     CentroidalParameters,
@@ -76,6 +73,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.coerce import absent
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import as_data
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.reference import Reference
 from skyarm.reference.carry import Carry
@@ -296,16 +294,19 @@ class CarryingGains(OptionalPart):
             carry.forgotten_force * dt - by_tilt,
             carry.forgotten_moment * dt,
         )
-        forgets = replace(forgets, force=vector_data(forgets.force + by_tilt))
+        forgets = replace(forgets, force=as_data(forgets.force + by_tilt))
         shift = zip(
             carry.offset, carry.offset_rate, carry.offset_acceleration, strict=True
         )
-        heading = effect.signals[3] + series(*carry.heading)
+        heading = effect.signals[3] + Taylor.of_derivatives((*carry.heading, 0, 0))
         planned = [signal.derivative(0) for signal in effect.signals[4:]]
         tip = frame_pose(vehicle, held_at(vehicle), planned, summed=True).p
         before, after = (turn_by_yaw(yaw, tip) for yaw in (effect.signals[3], heading))
         moves = zip(effect.signals[:3], shift, before - after, strict=True)
-        moved = [s + series(*by) + round_tip for s, by, round_tip in moves]
+        moved = [
+            s + Taylor.of_derivatives((*by, 0, 0)) + round_tip
+            for s, by, round_tip in moves
+        ]
         desired = Vec3(
             *(
                 (base + arm).derivative(0)
@@ -320,22 +321,25 @@ class CarryingGains(OptionalPart):
         effect = replace(
             effect, signals=signals, ahead=ahead, forgets=forgets, force_rate=rate
         )
-        memory = CarryingMemory(
-            share=data(
-                memory.share + (carry.held - memory.share) * low_pass_share(QUICK, dt)
-            ),
-            ahead=given[1],
-            earlier=(memory.ahead, *memory.earlier)[: len(memory.earlier)],
-            bias=bias,
-            force=vector_data(force),
-            moment=vector_data(moment),
-            behind=vector_data(desired - tip_of(vehicle, step.state)),
-            limits=largest_load(
-                PointMotion(step.vehicle, step.state, gravity=step.par.model.gravity)
-            ),
-            mass=data(carry.mass),
-            tilting=tilting,
-            heavy=data(inertia_ratio(step.vehicle, observed.joints)),
+        memory = as_data(
+            CarryingMemory(
+                share=memory.share
+                + (carry.held - memory.share) * low_pass_share(QUICK, dt),
+                ahead=given[1],
+                earlier=(memory.ahead, *memory.earlier)[: len(memory.earlier)],
+                bias=bias,
+                force=force,
+                moment=moment,
+                behind=desired - tip_of(vehicle, step.state),
+                limits=largest_load(
+                    PointMotion(
+                        step.vehicle, step.state, gravity=step.par.model.gravity
+                    )
+                ),
+                mass=carry.mass,
+                tilting=tilting,
+                heavy=inertia_ratio(step.vehicle, observed.joints),
+            )
         )
         return memory, effect.isolating(where(holding, 0.0, 1.0))
 
@@ -366,11 +370,6 @@ def inertia_ratio(vehicle: Vehicle, joints: Scalars) -> Scalar:
     center, inertia = central_inertia(locked_inertia(vehicle, joints))
     lever = frame_pose(vehicle, held_at(vehicle), joints).p - center
     return 1.0 + divide(2.0 * vehicle.mass * lever.dot(lever), inertia.xx + inertia.yy)
-
-
-def series(value: Scalar, rate: Scalar, acceleration: Scalar) -> Taylor:
-    """Taylor series of a number with two derivatives."""
-    return Taylor((value, rate, mul(0.5, acceleration), 0, 0))
 
 
 def settling_sample(row: Sequence[Sample], carry: Carry, time: Scalar) -> list[Sample]:
@@ -429,7 +428,7 @@ def planned_acceleration(
     """Acceleration (m/s^2, world axes) of the planned tip on a level base, without its
     shift.
     """
-    turn, signals = carry.heading, motion.signals
+    signals = motion.signals
     tip = frame_pose(
         vehicle,
         held_at(vehicle),
@@ -437,7 +436,7 @@ def planned_acceleration(
         summed=True,
     ).p
     arm = turn_by_yaw(
-        signals[3].truncate(2) + Taylor((turn.x, turn.y, mul(0.5, turn.z))), tip
+        signals[3].truncate(2) + Taylor.of_derivatives([*carry.heading]), tip
     )
     return Vec3(*(each.derivative(2) for each in signals[:3])) + derivative(arm, 2)
 
@@ -448,18 +447,12 @@ def planned_effect(
     """Disturbance by a wrench at the tip (N, N m, world axes) at the pose of the
     reference, with a level base.
     """
-    heading = reference.yaw + carry.heading.x
-    c, s = cos(heading), sin(heading)
-    R = Mat3.columns(Vec3(c, s, 0), Vec3(-s, c, 0), Vec3(0, 0, 1))
+    R = axis_rotation(E_Z, reference.yaw + carry.heading.x)
     f, n, frame = R.apply_T(force), R.apply_T(moment), held_at(vehicle)
     columns = jacobian_columns(vehicle, frame, reference.joints, summed=True)
     tip = frame_pose(vehicle, frame, reference.joints, summed=True).p
-    efforts = tuple(
-        data(add(each.linear.dot(f), each.angular.dot(n))) for each in columns
-    )
-    return Disturbance(
-        force=vector_data(force), torque=vector_data(tip.cross(f) + n), efforts=efforts
-    )
+    efforts = tuple(add(each.linear.dot(f), each.angular.dot(n)) for each in columns)
+    return as_data(Disturbance(force=force, torque=tip.cross(f) + n, efforts=efforts))
 
 
 def tip_wrench(

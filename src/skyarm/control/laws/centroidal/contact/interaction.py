@@ -39,7 +39,6 @@ from skyarm.control.blocks.force_control import (
     wanted_of,
 )
 from skyarm.control.blocks.prediction import Disturbance
-from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.tip_force import TipLevers, levers
 from skyarm.control.blocks.torque_scale import first_scale
 from skyarm.control.laws.centroidal.parameters import (
@@ -50,6 +49,7 @@ from skyarm.control.laws.centroidal.parameters import (
 from skyarm.control.laws.centroidal.step_records import AccelerationDemand, Effect
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.kinematics import frame_pose
+from skyarm.records.leaves import as_data
 from skyarm.vehicle import Vehicle
 
 
@@ -162,7 +162,7 @@ class Interaction(InteractionGains, OptionalPart):
         before = where(memory.free > SETTLED, 1.0 - memory.met, 0.0)
         effect = effect.isolating(contact_cleared(self, memory), before)
         return (
-            replace(memory, lean=vector_data(lean), moving=moving),
+            replace(memory, lean=as_data(lean), moving=moving),
             effect,
         )
 

@@ -27,6 +27,7 @@ from skyarm.algebra import (
     Scalars,
     Sym3,
     Vec3,
+    inner_product,
 )
 from skyarm.algebra.scalars import (
     clip,
@@ -94,10 +95,7 @@ class Hang:
         torque = ZERO3
         for each, part in zip(self.turning, parts, strict=True):
             torque = torque + each * part
-        efforts = tuple(
-            mul(a, mass) + mul(b, lever.y) + mul(c, neg(lever.x))
-            for a, b, c in self.efforts
-        )
+        efforts = tuple(inner_product(row, parts) for row in self.efforts)
         return Disturbance(
             force=Vec3(0, 0, mul(mass, self.lift)), torque=torque, efforts=efforts
         )

@@ -165,7 +165,7 @@ def leaning(
     side = _square(
         (x * x + y * y + z * z) * slightest(reach, along) * divide(1.0, share * share)
     )
-    left = cast(Taylor, 1.0 - 1.0 / sqrt(sqrt(sqrt(_square(side) + 1.0))))
+    left = 1.0 - 1.0 / _eighth_root(_square(side) + 1.0)
     rest = left.c[0]
     tilting = Vec3(x * left, y * left, z * left) + thrust
     return Vec3(*(Taylor([*each.c[:2], mul(rest, each.c[2])]) for each in tilting))
@@ -197,7 +197,7 @@ def slightest(reach: RotorReach, vertical: Taylor) -> Taylor:
             inverse = 1.0 / choose(room > least, room, least)
             share = _square(_square(inverse) * size)
             total = _square(_square(share)) + total
-    return cast(Taylor, sqrt(sqrt(sqrt(total))))
+    return _eighth_root(total)
 
 
 def _square(value: Taylor) -> Taylor:
