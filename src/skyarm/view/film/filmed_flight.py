@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from skyarm.algebra.frames import continuous
 from skyarm.log.flight_log import Log
 from skyarm.log.tip_positions import yaw_quaternion
 from skyarm.records.arrays import Array, doubles, lengths
@@ -221,15 +222,3 @@ def read(time: Array, values: Array, times: Array) -> Array:
     """
     columns = [np.interp(times, time, column) for column in values.T]
     return np.stack(columns, axis=1) if columns else np.zeros((len(times), 0))
-
-
-def continuous(quaternion: Array) -> Array:
-    """Flip signs of a quaternion series (N, 4) so that it is continuous, for
-    interpolation.
-    """
-    # q and -q are one attitude, and their mean is none
-    same = np.einsum("ni,ni->n", quaternion[1:], quaternion[:-1]) >= 0.0
-    sign = np.concatenate([[1.0], np.cumprod(np.where(same, 1.0, -1.0))])[
-        : len(quaternion)
-    ]
-    return doubles(quaternion * sign[:, None])
