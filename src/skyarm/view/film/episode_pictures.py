@@ -23,14 +23,11 @@ from skyarm.view.film.captions import DESIGNED
 from skyarm.view.film.make_film import FilmSettings
 from skyarm.view.picture.frames import FlightFrames, frames_now
 from skyarm.view.picture.marks import (
-    THICK,
     THIN,
     desired_path,
     ghost_solids,
-    scene_lines,
-    touch_marks,
+    marks_of,
     vehicle_solids,
-    wind_arrow,
 )
 from skyarm.view.picture.mujoco_sink import CameraPath, FramePanel, Renderer, open_stage
 from skyarm.world.scene.vehicle_shapes import longest_boom
@@ -127,11 +124,11 @@ class EpisodePictures:
             ghost_solids(flight) if settings.ghost else []
         )
         reach = longest_boom(flight.vehicle)
+        # of one instant there is neither a trail nor a path, which the whole reference
+        # gives
         marks = [
             *desired_path(whole, THIN * self._scale),
-            *scene_lines(flight, 0, THICK * self._scale),
-            *touch_marks(flight, 0, reach),
-            *wind_arrow(flight, 0, reach),
+            *marks_of([flight], reach, self._scale)(0),
         ]
         camera = self._camera(whole, flight, time)
         at, ground = (0, 0, settings.width, settings.height), flight.scene.ground or 0.0

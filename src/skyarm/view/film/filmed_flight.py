@@ -13,7 +13,7 @@ import numpy as np
 from skyarm.algebra.frames import continuous
 from skyarm.log.flight_log import Log
 from skyarm.log.tip_positions import yaw_quaternion
-from skyarm.records.arrays import Array, doubles, lengths
+from skyarm.records.arrays import Array, lengths
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree

@@ -207,19 +207,16 @@ def marks_of(
             still += desired_path(flight, THIN * scale)
 
     def at(k: int) -> list[Stroke]:
-        moving = [
-            mark for flight in flights for mark in trail(flight, k, THICK * scale)
-        ]
-        touching = [
-            mark for flight in flights for mark in touch_marks(flight, k, reach)
-        ]
-        drawn = [
-            line for flight in flights for line in scene_lines(flight, k, THICK * scale)
-        ]
-        blowing = [
-            arrow for flight in flights for arrow in wind_arrow(flight, k, reach)
-        ]
-        return [*still, *moving, *drawn, *touching, *blowing]
+        marks = [*still]
+        for draw, size in (
+            (trail, THICK * scale),
+            (scene_lines, THICK * scale),
+            (touch_marks, reach),
+            (wind_arrow, reach),
+        ):
+            for flight in flights:
+                marks += draw(flight, k, size)
+        return marks
 
     return at
 
