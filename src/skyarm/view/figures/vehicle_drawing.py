@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch, Polygon
 from matplotlib.patheffects import withStroke
 
-from skyarm.records.arrays import Array, doubles, float_array, norm
+from skyarm.records.arrays import Array, float_array, norm
 from skyarm.vehicle import BASE, Rotor, Vehicle
 from skyarm.view.figures.projection import (
     SIDE,
@@ -26,7 +26,7 @@ from skyarm.view.figures.projection import (
 )
 from skyarm.view.figures.style import PAPER, Picture
 from skyarm.world.scene.shapes import Shape
-from skyarm.world.scene.vehicle_shapes import body_poses, rotor_radius, vehicle_shapes
+from skyarm.world.scene.vehicle_shapes import place, rotor_radius, vehicle_shapes
 
 Poses = dict[int, tuple[Array, Array]]
 
@@ -95,12 +95,12 @@ def vehicle_drawing(vehicle: Vehicle) -> Picture:
     sheets = []
     # shares of the figure: the two flat views on top of each other beside the large
     # one, the last 8 % of the height for the title
-    for view, place, title, mark in (
+    for view, box, title, mark in (
         (CORNER, (0.005, 0.01, 0.575, 0.91), "", _mark_frames_and_axes),
         (SIDE, (0.585, 0.5, 0.41, 0.38), "from the right", _mark_lengths_and_angles),
         (TOP, (0.585, 0.01, 0.41, 0.43), "from above", _mark_rotors),
     ):
-        sheet = Sheet(figure.add_axes(place), view, posed)
+        sheet = Sheet(figure.add_axes(box), view, posed)
         sheet.ax.set_title(title, **PAPER.small_words)
         mark(sheet)
         sheet.fit()
@@ -164,9 +164,8 @@ def _at_origin(vehicle: Vehicle, joints: Sequence[float]) -> Poses:
     """Poses (R_WB, p_WB) of all bodies, by body number, with the base level at the
     origin.
     """
-    level = np.array([[1.0, 0.0, 0.0, 0.0]])
-    poses = body_poses(vehicle, np.zeros((1, 3)), level, doubles([joints]))
-    return {body: (R[0], p[0]) for body, (R, p) in poses.items()}
+    placed = place(vehicle, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), joints)
+    return {body: (R[0], p[0]) for body, (R, p) in placed.poses.items()}
 
 
 class Sheet:

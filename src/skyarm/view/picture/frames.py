@@ -7,7 +7,6 @@ time. Those of a log are resampled by :mod:`skyarm.view.film.filmed_flight`.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
@@ -193,8 +192,7 @@ def goal_of(agent: Agent, time: float) -> Placed:
     and joints on its reference.
     """
     desired = agent.reference.at(time)
-    half = 0.5 * float(desired.yaw)
-    level = math.cos(half), 0.0, 0.0, math.sin(half)
+    (level,) = yaw_quaternion(float_array([desired.yaw]))
     return place(agent.vehicle, tuple(desired.position), level, desired.joints)
 
 

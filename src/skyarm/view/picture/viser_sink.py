@@ -15,10 +15,9 @@ import numpy.typing as npt
 
 from skyarm.records.arrays import Array, lengths
 from skyarm.vehicle import BASE, Vehicle
-from skyarm.vehicle.description import UPRIGHT
 from skyarm.view.picture.marks import Paint
 from skyarm.world.scene.scene import Line
-from skyarm.world.scene.shapes import RGBA, Shape, Solid, mesh_of
+from skyarm.world.scene.shapes import RGBA, Shape, Solid, in_own_axes, mesh_of
 from skyarm.world.scene.vehicle_shapes import Poses, quaternions_of, vehicle_shapes
 
 if TYPE_CHECKING:
@@ -104,8 +103,7 @@ def add_shape(
         )
     if shape.kind == "patch":
         shape = replace(shape, kind="box", size=(*shape.size, THIN))
-    upright = replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT)
-    vertices, faces = mesh_of(upright, SEGMENTS[wires])
+    vertices, faces = mesh_of(in_own_axes(shape), SEGMENTS[wires])
     smooth = wires or shape.kind in ("sphere", "ellipsoid", "capsule")
     return scene.add_mesh_simple(
         name, vertices, faces, side="double", flat_shading=not smooth, **look, **at
@@ -253,11 +251,10 @@ class SolidNodes:
             shape, name = solid.shape, solid.shape.name
             # a solid whose size changes is made anew, as a node gets poses only
             if name not in self._nodes or self._nodes[name][1] != shape.size:
-                upright = replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT)
                 node = add_shape(
                     self._scene,
                     f"{self._name}/{name}",
-                    upright,
+                    in_own_axes(shape),
                     solid.rgba or self._paint(shape.role),
                 )
                 self._nodes[name] = MovingNode(node), shape.size
