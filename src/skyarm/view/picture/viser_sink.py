@@ -305,7 +305,7 @@ class Arrows:
 
     Args:
         scene: scene of viser. name: name of the node.
-        colors: (N, 3) from 0 to 255, one an arrow.
+        colors: (N, 3) from 0 to 255, one an arrow; of no arrow there is no node.
         radius: radius of a shaft, m.
         reached: (2, 3) m: two places between which all arrows will be; a viewer may
             leave out what began elsewhere.
@@ -319,17 +319,18 @@ class Arrows:
         radius: float,
         reached: Array,
     ) -> None:
-        self._points = np.tile(reached, (len(colors), 1, 1)).astype(np.float32)
-        self._node = scene.add_arrows(
-            name,
-            self._points,
-            np.array(colors, np.uint8),
-            shaft_radius=radius,
-            head_radius=HEAD[0] * radius,
-            head_length=HEAD[1] * radius,
-            visible=False,
-        )
         self._acting = False
+        self._points = np.tile(reached, (len(colors), 1, 1)).astype(np.float32)
+        if colors:
+            self._node = scene.add_arrows(
+                name,
+                self._points,
+                np.array(colors, np.uint8),
+                shaft_radius=radius,
+                head_radius=HEAD[0] * radius,
+                head_length=HEAD[1] * radius,
+                visible=False,
+            )
 
     def point(self, ends: Array) -> None:
         """Draw arrows (N, 2, 3) from start to end point (m); those that are too short
@@ -350,4 +351,5 @@ class Arrows:
 
     def remove(self) -> None:
         """Remove the arrows from the scene."""
-        self._node.remove()
+        if len(self._points):
+            self._node.remove()

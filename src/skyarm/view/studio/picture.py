@@ -143,11 +143,7 @@ class AgentNodes:
         self._world = SolidNodes(scene, f"{STAGE}/scene{end}", self._paint)
         self._lines = LineNodes(scene, f"{STAGE}/lines{end}")
         touches = [TOUCH] * len(first.arrows)
-        self._touches = (
-            Arrows(scene, f"{STAGE}/touches{end}", touches, TOUCH_SHAFT, at)
-            if touches
-            else None
-        )
+        self._touches = Arrows(scene, f"{STAGE}/touches{end}", touches, TOUCH_SHAFT, at)
         self._place_scene(first)
         self.vehicle.place(placed.poses, turns_of(vehicle, state))
 
@@ -162,8 +158,7 @@ class AgentNodes:
         )
         self._world.place([*solids, *more])
         self._lines.place(scene.lines)
-        if self._touches is not None:
-            self._touches.point(touch_arrows(scene.arrows, 0, NEWTON))
+        self._touches.point(touch_arrows(scene.arrows, 0, NEWTON))
 
     def draw(
         self, agent: FlownAgent, state: State, scene: Scene, *, slow: bool
@@ -208,17 +203,16 @@ class AgentNodes:
 
     def remove(self) -> None:
         """Remove the vehicle's nodes from the scene."""
-        parts = (
+        for node in (
             self.vehicle,
             self._forces,
             self._trail,
             self._label,
             self._world,
             self._lines,
-        )
-        for node in (*parts, self._touches):
-            if node is not None:
-                node.remove()
+            self._touches,
+        ):
+            node.remove()
 
 
 def force_arrows(
