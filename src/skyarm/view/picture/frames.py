@@ -15,6 +15,7 @@ from typing import Any, SupportsFloat
 
 import numpy as np
 
+from skyarm.algebra import Scalar
 from skyarm.dynamics import State
 from skyarm.log.tip_positions import level_tip, tip, yaw_quaternion
 from skyarm.plant.loads import wind_at
@@ -194,6 +195,21 @@ def goal_of(agent: Agent, time: float) -> Placed:
     desired = agent.reference.at(time)
     (level,) = yaw_quaternion(float_array([desired.yaw]))
     return place(agent.vehicle, tuple(desired.position), level, desired.joints)
+
+
+def tip_error(agent: Agent, time: Scalar, tip: Array, desired: Array) -> Array:
+    """Offset (..., 3) of the tip from its reference, m; during a commanded push only
+    its part across the nominal normal of the surface.
+
+    Args:
+        agent: vehicle with its reference.
+        time: s, one instant or (N,).
+        tip: position of the tip, (..., 3) m.
+        desired: its reference, (..., 3) m.
+    """
+    away = tip - desired
+    push = getattr(agent.reference, "push", None)
+    return away if push is None else push.across(away, time, tip)
 
 
 def scenes_at(

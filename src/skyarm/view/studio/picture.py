@@ -229,19 +229,11 @@ def force_arrows(
     p = placed.positions[0]
     ends = []
     for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
-        hub = p + R @ np.array(floats(rotor.position))
-        axis = np.array(floats(rotor.axis))
+        hub = p + R @ float_array(rotor.position)
         turn = turns.get(disc_name(rotor.name), np.eye(3)[None])[0]
-        ends.append(
-            (
-                hub,
-                hub
-                + NEWTON
-                * float(rotor.thrust_coefficient)
-                * speed**2
-                * (R @ turn @ axis),
-            )
-        )
+        thrust = float(rotor.thrust_coefficient) * speed**2
+        axis = R @ turn @ float_array(rotor.axis)
+        ends.append((hub, hub + NEWTON * thrust * axis))
     above = p + np.array([0.0, 0.0, 0.22])
     ends += [(above - NEWTON * last.air, above), (p - NEWTON * last.pushed, p)]
     return np.array(ends)

@@ -8,22 +8,19 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import SupportsFloat
 
-import numpy as np
-
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.loads import wind_at
 from skyarm.plant.surroundings import Surroundings
-from skyarm.records.arrays import Array, norm
+from skyarm.records.arrays import Array, float_array, norm
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree
 from skyarm.scenario.scenario_record import Agent
 from skyarm.simulate.session import Session
 from skyarm.simulate.stages import Stages
 from skyarm.vehicle import Vehicle
-from skyarm.view.picture.frames import goal_of, poses_of
+from skyarm.view.picture.frames import goal_of, poses_of, tip_error
 from skyarm.world.component import Component
-from skyarm.world.scene.shapes import floats
 
 
 @positional
@@ -93,10 +90,7 @@ def _sight(
     vehicle, state, outside = agent.vehicle, motion.state, wind_at(around, motion)
     placed = poses_of(vehicle, state)
     upward = float(placed.rotations[0, 2, 2])
-    away = placed.tip - goal_of(agent, time).tip
-    push = getattr(agent.reference, "push", None)
-    if push is not None:
-        away = push.across(away, time, placed.tip)
+    away = tip_error(agent, time, placed.tip, goal_of(agent, time).tip)
     return PlottedInstant(
         tick=tick,
         time=time,
@@ -111,8 +105,8 @@ def _sight(
             float(w) / float(r.max_speed)
             for w, r in zip(state.rotor_speeds, vehicle.rotors, strict=True)
         ),
-        air=np.array(floats(outside.air_velocity_W)),
-        pushed=np.array(floats(outside.force_W)),
+        air=float_array(outside.air_velocity_W),
+        pushed=float_array(outside.force_W),
         contacts=contact_forces(around.components, around.memories, motion),
     )
 
