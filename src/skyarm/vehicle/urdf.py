@@ -416,11 +416,9 @@ def fixed_at(joint: ET.Element) -> float | None:
     """
     if kind_of_joint(joint) == "fixed":
         return 0.0
-    limit = child(joint, "limit", f"joint[{joint.get('name')}]")
-    # a limit that is left out is no equal limit
-    stated = limit is not None and None not in (limit.get("lower"), limit.get("upper"))
+    # limits that are left out are never equal: limits() leaves the joint room there
     lower, upper = limits(joint)
-    return lower if stated and lower == upper else None
+    return lower if lower == upper else None
 
 
 def axis_of(joint: ET.Element) -> Vec3:
@@ -442,12 +440,11 @@ def read_joint(joint: ET.Element, R: Mat3, p: Vec3, notes: Notes) -> Joint:
     field = f"joint[{name}]"
     limit, dynamics = child(joint, "limit", field), child(joint, "dynamics", field)
     lower, upper = limits(joint)
-    if joint.get("type") != "continuous" and math.isinf(lower) and math.isinf(upper):
-        notes.add("without limits, so it turns or slides without end", name)
-    elif joint.get("type") != "continuous" and (
-        limit is None or None in (limit.get("lower"), limit.get("upper"))
-    ):
-        notes.add("with one limit stated only; the other is 0 or none", name)
+    if joint.get("type") != "continuous":
+        if math.isinf(lower) and math.isinf(upper):
+            notes.add("without limits, so it turns or slides without end", name)
+        elif limit is None or None in (limit.get("lower"), limit.get("upper")):
+            notes.add("with one limit stated only; the other is 0 or none", name)
     effort = number(limit, "effort", f"{field}.limit", math.nan, infinite=True)
     if math.isnan(effort):
         notes.add(
@@ -686,7 +683,7 @@ def sdf_pose(pose: ET.Element, field: str) -> Frame:
         R = description.rotation_rpy(
             list(map(math.radians, turn)) if pose.get("degrees") in TRUE else turn
         )
-    return replace(at_origin(), position=description.vector((x, y, z)), rotation=R)
+    return posed_in(at_origin(), R, description.vector((x, y, z)))
 
 
 def origin_of(element: ET.Element, field: str) -> tuple[Mat3, Vec3]:
@@ -694,14 +691,13 @@ def origin_of(element: ET.Element, field: str) -> tuple[Mat3, Vec3]:
     without one.
     """
     origin = child(element, "origin", field)
-    xyz = numbers(origin, "xyz", f"{field}.origin", (0.0, 0.0, 0.0))
+    position = description.vector(
+        numbers(origin, "xyz", f"{field}.origin", (0.0, 0.0, 0.0))
+    )
     # an element of our own readers: it carries the poses of SDF files in full digits
     if origin is not None and origin.get("quat_xyzw"):
-        x, y, z, w = numbers_of(
-            origin.get("quat_xyzw", ""), f"{field}.origin.quat_xyzw", 4
-        )
-        return description.rotation_quaternion(
-            f"{field}.origin.quat_xyzw", [w, x, y, z]
-        ), description.vector(xyz)
+        where = f"{field}.origin.quat_xyzw"
+        x, y, z, w = numbers_of(origin.get("quat_xyzw", ""), where, 4)
+        return description.rotation_quaternion(where, [w, x, y, z]), position
     rpy = numbers(origin, "rpy", f"{field}.origin", (0.0, 0.0, 0.0))
-    return description.rotation_rpy(rpy), description.vector(xyz)
+    return description.rotation_rpy(rpy), position
