@@ -146,9 +146,7 @@ def rising(field: str, column: Sequence[Scalar], why: str = "") -> None:
 
 def principal_moments(inertia_com: Sym3) -> list[float]:
     """Principal moments of inertia (kg m^2) in ascending order."""
-    moments: list[float] = np.linalg.eigvalsh(
-        [[*row] for row in inertia_com.full().rows]
-    ).tolist()
+    moments: list[float] = np.linalg.eigvalsh(inertia_com.full().rows).tolist()
     return moments
 
 
