@@ -8,7 +8,7 @@ means. Source: MuJoCo documentation, Computation, Actuation.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,32 @@ def name_of(model: Any, kind: str, index: int) -> str:
     none.
     """
     return str(getattr(model, kind)(index).name) or f"{kind}{index}"
+
+
+def joints_of(model: Any, body: int) -> list[int]:
+    """Joints of a body of a MuJoCo model, in the order in which they move it."""
+    first = model.body_jntadr[body]
+    return list(range(first, first + model.body_jntnum[body]))
+
+
+def carriers(model: Any, body: int) -> Iterator[int]:
+    """A body of a MuJoCo model and all that carry it, but for the world."""
+    while body:
+        yield body
+        body = model.body_parentid[body]
+
+
+def limits(model: Any, joint: int) -> tuple[float, float]:
+    """Lower and upper joint limit relative to the reference position, rad or m;
+    infinite without limits.
+    """
+    if not model.jnt_limited[joint]:
+        return -math.inf, math.inf
+    # MuJoCo's ranges count from its own zero, this library's from the reference
+    # position
+    zero = float(model.qpos0[model.jnt_qposadr[joint]])
+    lower, upper = (float(each) - zero for each in model.jnt_range[joint])
+    return lower, upper
 
 
 def force_range(model: Any, actuator: int) -> tuple[float, float]:
