@@ -319,13 +319,10 @@ def couple(
         nothing: dict[str, Any] = dict.fromkeys(PLAIN, 0)
         plain = replace(joint, **nothing)
         link = replace(links[i], parent=place[links[i].parent], joint=plain)
-        leader = next(
-            k for k, old in enumerate(free) if links[old].joint.name == mimic.joint
-        )
         followers.append(
             Follower(
                 link=link,
-                leader=leader,
+                leader=[*joints].index(mimic.joint),
                 ratio=mimic.ratio,
                 offset=description.zero_is_structure(mimic.offset),
             )

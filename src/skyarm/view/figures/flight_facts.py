@@ -14,7 +14,7 @@ from skyarm.log.flight_log import Log
 from skyarm.log.formats import as_log
 from skyarm.log.log_columns import component_labels
 from skyarm.log.metrics.score import wanted_push
-from skyarm.records.arrays import Array, lengths
+from skyarm.records.arrays import Array, Mask, lengths
 from skyarm.records.files import PathLike
 from skyarm.records.immutable import positional
 from skyarm.scenario.payload_tables import scheduled_changes
@@ -63,6 +63,11 @@ def end_time(log: Log) -> float:
         if log.time.size
         else 0.0
     )
+
+
+def within(log: Log, span: Span) -> Mask:
+    """Mask (N,) of the instants of a log within a time interval."""
+    return (log.time >= span[0]) & (log.time <= span[1])
 
 
 def gust_interval(log: Log) -> Span | None:

@@ -145,7 +145,6 @@ class Page(PageLoop):
         super().__init__(server, "machine code")
         self._out = out
         self._moves: dict[int | None, dict[str, float]] = {}
-        self.fleet, self.agent = fleet, next(iter(fleet.scenario.agents))
         self._making = 0
         self._turn = 0
         self._due = list[int]()
@@ -153,7 +152,7 @@ class Page(PageLoop):
         self._controls = Controls(server.gui, self, [law or OWN for law in laws])
         self._panels: list[tuple[int | None, KnobPanel]] = []
         self._charts: list[Chart[PlottedInstant]] = []
-        self._begin(self.fleet, laws)
+        self._begin(fleet, laws)
 
     # orders, from any thread
 
