@@ -71,7 +71,8 @@ class _MujocoTree(BodyTree):
 
     def __init__(self, model: MjModel, coupled: bool, notes: Notes) -> None:
         super().__init__(mimics_of(model), notes)
-        self.model, self.coupled = model, coupled
+        self.model = model
+        self.coupled = coupled
         self.seats: dict[int, Frame] = {}
         self.of_rotors: set[str] = set()
         self.carrying: set[str] = set()
@@ -365,7 +366,8 @@ def _read_child(tree: _MujocoTree, body: int) -> None:
     """Add a body and its joints to the tree; MuJoCo applies the joints in sequence,
     each about its own anchor.
     """
-    model, name = tree.model, name_of(tree.model, "body", body)
+    model = tree.model
+    name = name_of(tree.model, "body", body)
     carrier = tree.seats[model.body_parentid[body]]
     at = posed_in(carrier, *_pose_of(model, "body", body))
     balls = [
@@ -431,7 +433,8 @@ def _held_pose(tree: _MujocoTree, joint: int, at: Frame) -> Frame:
 
 def _read_body(tree: _MujocoTree, body: int) -> None:
     """Add the mass and the sites (named frames) of a MuJoCo body to the tree."""
-    model, at = tree.model, tree.seats[body]
+    model = tree.model
+    at = tree.seats[body]
     mass = float(model.body_mass[body])
     # the world has no mass of its own, also where MuJoCo gives it static geometry
     if mass > 0.0 and body:
@@ -558,7 +561,8 @@ def read_scene(path: Path, prefix: str, most: int, notes: Notes) -> list[SceneSh
     """
     model = _compile(path, notes)
     moves = (model.body_jntnum > 0) | (model.body_mocapid >= 0)
-    data, shapes = _at_rest(model, 0), list[SceneShape]()
+    data = _at_rest(model, 0)
+    shapes = list[SceneShape]()
     cure = "what moves is one of [[world.objects]] or a vehicle"
     for body in np.flatnonzero(moves).tolist():
         notes.add(f"moves: left out; {cure}", name_of(model, "body", body), "body")
@@ -815,7 +819,8 @@ def _loop_faults(model: MjModel, root: int) -> dict[str, frozenset[str]]:
     }
     faults = {}
     for each in range(model.neq):
-        kind, ends = model.eq_type[each], (model.eq_obj1id[each], model.eq_obj2id[each])
+        kind = model.eq_type[each]
+        ends = (model.eq_obj1id[each], model.eq_obj2id[each])
         if not model.eq_active0[each] or kind == mujoco.mjtEq.mjEQ_JOINT:
             continue
         allowed = (

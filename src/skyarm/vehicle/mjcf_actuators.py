@@ -139,7 +139,8 @@ def effort_of(model: Any, joint: int, notes: Notes) -> float:
     """Effort limit of a joint from all its actuators together, N m or N; 0 without
     actuators.
     """
-    name, total = name_of(model, "jnt", joint), 0.0
+    name = name_of(model, "jnt", joint)
+    total = 0.0
     for actuator in (each for each in at_joint(model, joint) if is_servo(model, each)):
         low, high = force_range(model, actuator)
         # a joint has one effort limit for both directions here
@@ -180,7 +181,8 @@ def read_drives(
     """
     drives: dict[str, dict[str, Any]] = {}
     for joint in range(model.njnt):
-        name, actuators = name_of(model, "jnt", joint), at_joint(model, joint)
+        name = name_of(model, "jnt", joint)
+        actuators = at_joint(model, joint)
         for each in actuators if name in following else ():
             why = f"at joint {name}, which follows another one: not read"
             notes.add(why, name_of(model, "actuator", each), "actuator")

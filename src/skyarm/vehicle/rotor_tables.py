@@ -92,7 +92,8 @@ def read_rotor_tables(top: Fields, tilting: bool = False) -> RotorTables:
     may complete a file's tilts.
     """
     inner = top.inner("rotor_defaults")
-    usual, whole = _values(inner, tilting), inner.flag("all_stated", False)
+    usual = _values(inner, tilting)
+    whole = inner.flag("all_stated", False)
     inner.done()
     own = {}
     tables = top.tables("rotors")

@@ -92,7 +92,8 @@ def read_urdf(
     Raises:
         VehicleError: without the file's name, which the caller adds.
     """
-    file, notes = Path(path), Notes()
+    file = Path(path)
+    notes = Notes()
     robot = parse_xml(
         expand_xacro(file, xacro) if file.suffix == ".xacro" else file.read_bytes(),
         notes.add,
@@ -267,7 +268,8 @@ def _constant_value(
             notes.add(f"lower equal to upper: fixed at {value:g}", name)
         return value
     last = follow(name, file.mimics)
-    value, leader = resting(last, file.joints), last.joint
+    value = resting(last, file.joints)
+    leader = last.joint
     if mimic == "couple":
         # checked here, because resting() takes an unknown leader as at zero
         if leader not in file.joints:
@@ -634,8 +636,10 @@ def _shape_of(
     """Shape of an element <collision> of URDF or SDF; None, with a note, for one that
     cannot be used.
     """
-    shape, pose = next(element.iterfind("geometry/*"), element), element.find("pose")
-    kind, name = shape.tag, _entry(shape, "filename") or _entry(shape, "uri")
+    shape = next(element.iterfind("geometry/*"), element)
+    pose = element.find("pose")
+    kind = shape.tag
+    name = _entry(shape, "filename") or _entry(shape, "uri")
     mesh = mesh_file(name, file) if kind == "mesh" else None
     if kind == "mesh" and not mesh:
         # without it the body would fly through what it hits
@@ -673,7 +677,8 @@ def sdf_pose(pose: ET.Element, field: str) -> Frame:
     """Position (m) and rotation of an SDF <pose>, by roll, pitch, yaw (rad or degrees)
     or a quaternion.
     """
-    text, four = text_of(pose), pose.get("rotation_format") == "quat_xyzw"
+    text = text_of(pose)
+    four = pose.get("rotation_format") == "quat_xyzw"
     if not text:
         return at_origin()
     x, y, z, *turn = numbers_of(text, field, 7 if four else 6)

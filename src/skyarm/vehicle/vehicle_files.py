@@ -64,7 +64,9 @@ def load_with_bodies(
     """
     with errors_as(VehicleError):
         text = file_name(name_or_path, "vehicle")
-    path, shipped, alone = Path(text), ", ".join(list_vehicles()), False
+    path = Path(text)
+    shipped = ", ".join(list_vehicles())
+    alone = False
     if text in list_vehicles():
         return _library_vehicle(text), None
     if is_robot(text):
@@ -269,7 +271,8 @@ def robot_file(name: str) -> Path:
     Raises:
         VehicleError: one line: the package is not installed, or has no such robot.
     """
-    robots, stem = carried_robots(), name.removeprefix(PREFIX)
+    robots = carried_robots()
+    stem = name.removeprefix(PREFIX)
     if not robots:
         refuse("robot", name, needs_extra("robots"))
     if stem not in robots:

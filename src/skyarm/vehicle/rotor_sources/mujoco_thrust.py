@@ -119,7 +119,8 @@ def _rotor(vehicle: MujocoVehicle, site: int, actuator: int, name: str) -> State
     model = vehicle.model
     data = vehicle.data
     gear = vehicle.model.actuator_gear[actuator]
-    size, values = float(np.linalg.norm(gear[:3])), _values(model, actuator)
+    size = float(np.linalg.norm(gear[:3]))
+    values = _values(model, actuator)
     thrust = data.site_xmat[site].reshape(3, 3) @ gear[:3] / size
     hub = data.site_xpos[site]
     name = name or name_of(model, "actuator", actuator)
@@ -209,7 +210,8 @@ def _role(vehicle: MujocoVehicle, joint: int, thrust: Array, hub: Array) -> str:
     What tilts several rotors, or is tied to another joint, is no tilt of one: they ride
     on it.
     """
-    axis, hinge = vehicle.data.xaxis[joint], vehicle.model.jnt_type[joint] == HINGE
+    axis = vehicle.data.xaxis[joint]
+    hinge = vehicle.model.jnt_type[joint] == HINGE
     beside = np.cross(axis, hub - vehicle.data.xanchor[joint])
     if (
         hinge

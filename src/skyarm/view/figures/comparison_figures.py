@@ -164,7 +164,8 @@ def envelope_figure(axes: Mapping[str, EnvelopePanel], laws: Sequence[str]) -> F
             (:mod:`skyarm.studies.compare.envelope`).
         laws: in the order of the legend.
     """
-    looks, low = _line_styles(laws), _lower_limit(axes)
+    looks = _line_styles(laws)
+    low = _lower_limit(axes)
     figure, panels = PAGE.tiles(len(axes), ACROSS, (PAGE.width / ACROSS, PANEL), LEGEND)
     for i, ((name, axis), panel) in enumerate(zip(axes.items(), panels, strict=True)):
         _draw_panel(panel, name, axis, looks, low)

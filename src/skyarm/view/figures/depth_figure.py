@@ -46,7 +46,8 @@ def depth_figure(flights: Named, span: Span) -> Picture:
 
     found: list[tuple[str, list[RangeImage]]] = []
     for label, log in flights.items():
-        eyes, own = Eyes.of_log(log), f"{label}: " * (len(flights) > 1)
+        eyes = Eyes.of_log(log)
+        own = f"{label}: " * (len(flights) > 1)
         found += [(own + name, _pictures(eyes, name, log, span)) for name in eyes.names]
     rows = [(label, seen, _shape(seen[0])) for label, seen in found if seen]
     if not rows:

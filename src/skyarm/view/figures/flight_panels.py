@@ -303,7 +303,9 @@ def _efforts(logs: Logs) -> Panels:
         for setpoint in dict.fromkeys(
             names_of(log).setpoints[i] for log in logs if i < log.efforts.shape[1]
         ):
-            words, unit, limits = f"{label} setpoint", setpoint or "", _finite(())
+            words = f"{label} setpoint"
+            unit = setpoint or ""
+            limits = _finite(())
             if setpoint is None:
                 words = f"{label} {'force' if kind == 'prismatic' else 'torque'}"
                 unit = unit_of_kind(Unit("N m or N"), kind or "revolute")

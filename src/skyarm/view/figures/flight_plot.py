@@ -80,7 +80,8 @@ def path_figure(flights: Named, span: Span) -> Picture:
     figure = PAPER.blank(PAPER.wide, HEIGHT)
     axes = figure.subplots(1, 2)
     handles: Handles = {}
-    named, world = vehicles_by_label(flights), world_of(flights, span)
+    named = vehicles_by_label(flights)
+    world = world_of(flights, span)
     for ax, view in zip(axes, (TOP, SIDE), strict=True):
         handles |= draw_view(ax, view, named, span, world)
     # the desired path last, as False sorts before True
@@ -188,7 +189,8 @@ def world_of(named: Named, span: Span) -> Scene:
                 around=around,
                 name=name,
             )
-        name, first = next(iter(agents)), team[0]
+        name = next(iter(agents))
+        first = team[0]
         seen = replace(agents[name], agents=agents)
 
         # defaults, so that each flight has its own

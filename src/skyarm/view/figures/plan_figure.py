@@ -139,7 +139,8 @@ def _lines_at(plan: Plan, times: Array) -> Array:
     """Ends (N, lines, 2, 3) of the lines of a vehicle, booms and arm, at N instants, m,
     world axes.
     """
-    vehicle, x = plan.task.vehicle, states_at(plan, times)
+    vehicle = plan.task.vehicle
+    x = states_at(plan, times)
     position, quaternion, joints = x[:, :3], x[:, 3:7], x[:, plan.stage.at.joints]
     seen = Instants(
         vehicle=vehicle,
@@ -165,7 +166,8 @@ def limits_figure(plan: Plan) -> Figure:
     """Draw speed, tilt, rotor thrusts, joint torques, joint rates and joints over time,
     with their limits.
     """
-    vehicle, limits = plan.task.vehicle, plan.task.limits
+    vehicle = plan.task.vehicle
+    limits = plan.task.limits
     at = plan.stage.at
     efforts = float_array(joint.effort_limit for joint in vehicle.joints)
     panels: list[tuple[str, str, Array, list[float]]] = [
@@ -184,7 +186,8 @@ def limits_figure(plan: Plan) -> Figure:
         ),
     ]
     if vehicle.n:
-        share, fastest = 100.0 * limits.torque_share, limits.joint_rate
+        share = 100.0 * limits.torque_share
+        fastest = limits.joint_rate
         panels += [
             (
                 "Joint torque",

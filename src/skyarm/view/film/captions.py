@@ -98,7 +98,9 @@ class Captions:
         layout: FrameLayout,
         title: str,
     ) -> None:
-        self._flights, self._times, self._layout = flights, times, layout
+        self._flights = flights
+        self._times = times
+        self._layout = layout
         self._blank = np.full((layout.height, layout.width, 3), 255, np.uint8)
         name, self._clock = layout.title.split(
             layout.title.width
@@ -120,7 +122,9 @@ class Captions:
 
     def frame(self, drawn: Pixels, k: int) -> Pixels:
         """Compose a film frame from the rendered 3D panels, captions and plot."""
-        picture, layout, time = self._blank.copy(), self._layout, float(self._times[k])
+        picture = self._blank.copy()
+        layout = self._layout
+        time = float(self._times[k])
         for box in layout.panels:
             picture[box.inside] = drawn[box.inside]
         winds = {wind_words(flight, k) for flight in self._flights}
@@ -135,7 +139,8 @@ class Captions:
                 picture, number, state_words(flight, time, k), ink, align="right"
             )
         if self._strip is not None and layout.plot is not None:
-            strip, top = self._strip, layout.plot.top
+            strip = self._strip
+            top = layout.plot.top
             share = (time - self._times[0]) / (_end_time(self._times) - self._times[0])
             at = round(
                 layout.plot.left + strip.left + share * (strip.right - strip.left)

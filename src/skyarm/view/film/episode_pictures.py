@@ -84,7 +84,8 @@ class EpisodePictures:
     def begin(self, scenario: Scenario) -> None:
         """Start another episode, given its scenario with the sampled parameters."""
         self.close()
-        self._scenario, self._last = scenario, first_state(scenario)
+        self._scenario = scenario
+        self._last = first_state(scenario)
         self._inputs = episode_inputs(scenario)
         self._whole: FlightFrames | None = None
 
@@ -94,7 +95,8 @@ class EpisodePictures:
         Raises:
             NoDisplayError: one line: nothing can be drawn on this machine.
         """
-        settings, panel = self._settings, self._panel(now)
+        settings = self._settings
+        panel = self._panel(now)
         if self._stage is None:
             stage = open_stage(
                 [panel], settings.width, settings.height, fine=settings.fine
@@ -110,7 +112,8 @@ class EpisodePictures:
         self._open.close()
 
     def _panel(self, now: LoopState) -> FramePanel:
-        settings, scenario = self._settings, self._scenario
+        settings = self._settings
+        scenario = self._scenario
         time = float(now.ticks) / scenario.rates.control
         # the numbers of a diverged vehicle cannot be drawn, nor can NaN
         if all(abs(number) < FARTHEST for number in leaves(now.agent.state)):
@@ -131,12 +134,14 @@ class EpisodePictures:
             *marks_of([flight], reach, self._scale)(0),
         ]
         camera = self._camera(whole, flight, time)
-        at, ground = (0, 0, settings.width, settings.height), flight.scene.ground or 0.0
+        at = (0, 0, settings.width, settings.height)
+        ground = flight.scene.ground or 0.0
         return FramePanel(*at, camera, solids, lambda _: marks, ground)
 
     def _reference(self, now: LoopState, time: float) -> FlightFrames:
         """Make the frames of an ideal flight that follows its reference exactly."""
-        steps, control = self._scenario.steps, self._scenario.rates.control
+        steps = self._scenario.steps
+        control = self._scenario.rates.control
         frames = frames_now(
             self._inputs,
             now,

@@ -173,7 +173,8 @@ def _serialize(
     progress: Progress | None,
 ) -> bytes:
     """Build a 3D scene of flights and play it once; returns the recording as bytes."""
-    server, shifts = _Stage(), _shifts(flights, settings)
+    server = _Stage()
+    shifts = _shifts(flights, settings)
     _surroundings(server, flights, shifts, times, settings)
     vehicles = [
         _RecordedFlight(server.scene, f"/flight{i + 1}", flight, shift, settings)
@@ -276,7 +277,8 @@ class _RecordedFlight:
         self._lines.place(flight.scene.lines, k)
 
     def _text(self, k: int) -> str:
-        flight, time = self._flight, float(self._flight.times[k])
+        flight = self._flight
+        time = float(flight.times[k])
         wind = wind_words(flight, k) if time < flight.end else ""
         return f"{flight.label}: {state_words(flight, time, k)}" + (
             f", {wind}" if wind else ""

@@ -135,9 +135,12 @@ def frames_now(
         about: (K, 3) m, places about which planes are drawn; about the desired tip, of
             their usual size, if left out.
     """
-    scenario, count = inputs.scenario, len(times)
+    scenario = inputs.scenario
+    count = len(times)
     ((around, motion),) = Stages(scenario).around(now, time)
-    vehicle, state, wind = scenario.agent.vehicle, motion.state, wind_at(around, motion)
+    vehicle = scenario.agent.vehicle
+    state = motion.state
+    wind = wind_at(around, motion)
 
     def still(numbers: Iterable[SupportsFloat]) -> Array:
         return np.tile(float_array(numbers), (count, 1))
@@ -230,7 +233,8 @@ def scenes_at(
         around: (3,) m, place about which planes are drawn.
         attached: as of :func:`skyarm.world.scene.component_scenes.scenes_of`.
     """
-    agents, names = scenario.agents.values(), tuple(scenario.agents)
+    agents = scenario.agents.values()
+    names = tuple(scenario.agents)
     motions = motions_of(
         [each.plant for each in agents], [own.state for own in now.agents], names
     )

@@ -225,7 +225,8 @@ def vehicle_solids(flight: FlightFrames) -> list[Solid]:
     """Make the solids of a flight in a film: vehicle in the flight's colour, payloads
     and surroundings.
     """
-    paint, turns = paint_of(flight.color), rotor_turns(flight.vehicle, flight.tilts)
+    paint = paint_of(flight.color)
+    turns = rotor_turns(flight.vehicle, flight.tilts)
     shapes = *vehicle_shapes(flight.vehicle), *flight.scene.attached
     around = (
         replace(each, rgba=each.rgba or paint(each.shape.role))

@@ -130,7 +130,9 @@ class Renderer:
         fine: bool,
         current: Callable[[], None],
     ) -> None:
-        self._panels, self._size, self._current = panels, (width, height), current
+        self._panels = panels
+        self._size = (width, height)
+        self._current = current
         self._model, self._meshes = _model(width, height, _meshes_of(panels), fine=fine)
         self._data = mujoco.MjData(self._model)
         mujoco.mj_forward(self._model, self._data)

@@ -239,7 +239,9 @@ class SolidNodes:
     """
 
     def __init__(self, scene: SceneApi, name: str, paint: Paint) -> None:
-        self._scene, self._name, self._paint = scene, name, paint
+        self._scene = scene
+        self._name = name
+        self._paint = paint
         self.root = scene.add_frame(name, show_axes=False)
         self._nodes: dict[str, tuple[MovingNode, tuple[float, ...]]] = {}
 
@@ -248,7 +250,8 @@ class SolidNodes:
         for name in set(self._nodes) - {each.shape.name for each in solids}:
             self._nodes.pop(name)[0].node.remove()
         for solid in solids:
-            shape, name = solid.shape, solid.shape.name
+            shape = solid.shape
+            name = shape.name
             # a solid whose size changes is made anew, as a node gets poses only
             if name not in self._nodes or self._nodes[name][1] != shape.size:
                 node = add_shape(
@@ -273,7 +276,8 @@ class LineNodes:
     """
 
     def __init__(self, scene: SceneApi, name: str) -> None:
-        self._scene, self._name = scene, name
+        self._scene = scene
+        self._name = name
         self._nodes: dict[str, tuple[LineNode, npt.NDArray[np.float32]]] = {}
 
     def place(self, lines: Sequence[Line], k: int = 0) -> None:

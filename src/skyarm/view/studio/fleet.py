@@ -79,7 +79,8 @@ def _adjustable(agent: Agent, kind: str) -> Agent:
     """Add inactive actuator faults and, where the plant's kind of simulator varies it,
     the delay to a vehicle.
     """
-    named, vehicle = {fault.name for fault in agent.faults}, agent.vehicle
+    named = {fault.name for fault in agent.faults}
+    vehicle = agent.vehicle
     faults = [Fault(rotor=rotor.name) for rotor in vehicle.rotors]
     faults += [Fault(joint=joint.name) for joint in vehicle.joints]
     # a slider has the path of its fault: a name that two share would be ambiguous
@@ -129,7 +130,8 @@ class Fleet(Clock):
         super().__init__()
         plain = load_scenario(source)
         self.source = source
-        self.planned, self._duration = True, plain.duration
+        self.planned = True
+        self._duration = plain.duration
         # a scenario that cannot last longer ends where its file says
         with suppress(ValueError):
             longest = max(plain.duration, LONGEST)
@@ -140,7 +142,8 @@ class Fleet(Clock):
                 (a.reference, a.path_time) == (b.reference, b.path_time)
                 for a, b in pairs
             ):
-                self.planned, self._duration = False, longest
+                self.planned = False
+                self._duration = longest
         self.scenario = self.under(None)
         self.flights: list[Flight] = []
 
@@ -348,8 +351,10 @@ class Flight:
     """
 
     def __init__(self, law: str | None, scenario: Scenario) -> None:
-        self.law, self.first = law, scenario
-        self.title, pushes = law or scenario.law_names, pushes_of(scenario).values()
+        self.law = law
+        self.first = scenario
+        self.title = law or scenario.law_names
+        pushes = pushes_of(scenario).values()
         self.knobs = knobs_of(scenario, pushes)
         numbers = ("peak.x", "peak.y", "peak.z", "start", "duration")
         self._paths = [knob.path for knob in self.knobs]
@@ -395,7 +400,8 @@ class Flight:
         """Present value of every parameter that differs from the scenario's or was set,
         by parameter path.
         """
-        values, now = self.numbers, self.session.scenario
+        values = self.numbers
+        now = self.session.scenario
         # numbers under another path, in replaced parts, or that follow from those
         if self.due or values:
             for knob in self.knobs:

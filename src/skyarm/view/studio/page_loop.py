@@ -51,7 +51,8 @@ class PageLoop(ABC):
         """Advance the flights and draw them, again and again, until :meth:`stop` is
         called.
         """
-        last, slow = time.perf_counter(), 0.0
+        last = time.perf_counter()
+        slow = 0.0
         try:
             while not self._stopped.is_set():
                 watched = bool(self._server.get_clients())

@@ -119,8 +119,11 @@ class AgentNodes:
         state: State,
         first: Scene,
     ) -> None:
-        end, placed = f"{number + 1}{suffix}", poses_of(vehicle, state)
-        self._vehicle, self._lost, self._first = vehicle, False, number == 0
+        end = f"{number + 1}{suffix}"
+        placed = poses_of(vehicle, state)
+        self._vehicle = vehicle
+        self._lost = False
+        self._first = number == 0
         # the names of several flights stand above each other
         self._above = np.array([0.0, 0.0, 0.16 + 0.08 * number])
         self._paint = tones_of(COLORS[number])
@@ -166,8 +169,10 @@ class AgentNodes:
         """Draw a vehicle in a state with its surroundings; returns the position (m) of
         its base.
         """
-        placed, flight = poses_of(self._vehicle, state), agent.flight
-        speeds, turns = float_array(state.rotor_speeds), turns_of(self._vehicle, state)
+        placed = poses_of(self._vehicle, state)
+        flight = agent.flight
+        speeds = float_array(state.rotor_speeds)
+        turns = turns_of(self._vehicle, state)
         self.vehicle.place(placed.poses, turns if flight.session.running else {})
         self._place_scene(scene, self._attached_mass(agent.hung_mass, placed))
         self._forces.point(
@@ -264,7 +269,8 @@ class SightNodes:
     ) -> None:
         self._rows: list[tuple[str, int, CameraNode]] = []
         for name, (agent, sensor) in cameras_of(scenario).items():
-            (height, width), found = sensor.shape, sensor.intrinsics()
+            height, width = sensor.shape
+            found = sensor.intrinsics()
             if found is None:
                 continue
             body = sensor.body_of(scenario.vehicles[agent])
@@ -296,7 +302,8 @@ class StudioStage:
     """
 
     def __init__(self, server: ViserServer) -> None:
-        self._server, self._scene = server, server.scene
+        self._server = server
+        self._scene = server.scene
         self.follow = False
         self._frame = 0
         add_light(self._scene, 1.5)
@@ -347,7 +354,8 @@ class FleetPicture(StudioStage):
             nodes.remove()
         for ghost in self._ghosts:
             ghost.remove()
-        now, vehicles = first_loop_state(scenario), scenario.vehicles
+        now = first_loop_state(scenario)
+        vehicles = scenario.vehicles
         placed = [
             poses_of(*each)
             for each in zip(

@@ -260,7 +260,8 @@ class Sieve:
     ALLOWED = ("GuiUpdateMessage", "ViewerCameraMessage")
 
     def __init__(self, connection: ServerConnection, inputs: Inputs) -> None:
-        self._connection, self._inputs = connection, inputs
+        self._connection = connection
+        self._inputs = inputs
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._connection, name)
@@ -309,7 +310,8 @@ class Sieve:
             ValueError, KeyError: it does not, or there is no such input.
         """
         handle = self._inputs["server"].gui._gui_input_handle_from_uuid[uuid]
-        current, props = handle._impl.value, handle._impl.props
+        current = handle._impl.value
+        props = handle._impl.props
         # booleans and texts have no limits, but menus have options
         if isinstance(current, (bool, str)):
             options = getattr(props, "options", None)

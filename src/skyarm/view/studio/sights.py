@@ -63,7 +63,9 @@ def sights(session: Session) -> list[PlottedInstant]:
     """Compute the plotted quantities of each vehicle of a simulation session at its
     current time, in order.
     """
-    scenario, now, time = session.scenario, session.now, session.time
+    scenario = session.scenario
+    now = session.now
+    time = session.time
     rows = zip(
         scenario.agents.values(),
         now.agents,
@@ -87,7 +89,9 @@ def _sight(
     """Compute the plotted quantities of one vehicle at an instant (s), given the last
     command of its law.
     """
-    vehicle, state, outside = agent.vehicle, motion.state, wind_at(around, motion)
+    vehicle = agent.vehicle
+    state = motion.state
+    outside = wind_at(around, motion)
     placed = poses_of(vehicle, state)
     upward = float(placed.rotations[0, 2, 2])
     away = tip_error(agent, time, placed.tip, goal_of(agent, time).tip)
