@@ -134,9 +134,16 @@ class EpisodePictures:
             *marks_of([flight], reach, self._scale)(0),
         ]
         camera = self._camera(whole, flight, time)
-        at = (0, 0, settings.width, settings.height)
-        ground = flight.scene.ground or 0.0
-        return FramePanel(*at, camera, solids, lambda _: marks, ground)
+        return FramePanel(
+            0,
+            0,
+            settings.width,
+            settings.height,
+            camera,
+            solids,
+            lambda _: marks,
+            flight.scene.ground or 0.0,
+        )
 
     def _reference(self, now: LoopState, time: float) -> FlightFrames:
         """Make the frames of an ideal flight that follows its reference exactly."""
