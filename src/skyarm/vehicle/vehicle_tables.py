@@ -186,13 +186,12 @@ def vehicle_from(
         replace(bodies, drives={k: v for k, v in bodies.drives.items() if k in open_to})
     )
     drives = [*(each for each in drives if each.name in open_to), *own_drives, *stated]
-    jointed = [link["joint"] for link in top.table.get("links", ()) if "joint" in link]
+    # joints of this file stand in its links, those of another one in [[joints]]
+    joint_tables = [each["joint"] for each in top.table.get("links", ())]
+    described = {each["name"]: each for each in joint_tables} | changes
 
     def stating(field: str) -> set[str]:
-        described = {table.get("name") for table in jointed if field in table}
-        return described | {
-            joint for joint, values in changes.items() if field in values
-        }
+        return {joint for joint, table in described.items() if field in table}
 
     made = Vehicle(
         name=top.text("name"),

@@ -143,9 +143,7 @@ def _tracking(logs: Logs) -> Panels:
             unit=unit_of_kind(Unit("rad or m"), kind or "revolute"),
             of=column("joints", i),
             desired=column("joints_reference", i),
-            limits=_finite(
-                end for joint in joints for end in (joint.lower, joint.upper)
-            ),
+            limits=_finite(end for joint in joints for end in joint.ends),
         )
         for i, label, kind, joints in _joints(logs)
     ]
@@ -315,9 +313,7 @@ def _efforts(logs: Logs) -> Panels:
                     for sign in (-1.0, 1.0)
                 )
             elif setpoint in ("rad", "m"):
-                limits = _finite(
-                    end for joint in joints for end in (joint.lower, joint.upper)
-                )
+                limits = _finite(end for joint in joints for end in joint.ends)
             panels.append(
                 Panel(label=words, unit=unit, of=_command(i, setpoint), limits=limits)
             )

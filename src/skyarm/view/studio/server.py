@@ -257,8 +257,6 @@ class Sieve:
             and buttons of the page.
     """
 
-    ALLOWED = ("GuiUpdateMessage", "ViewerCameraMessage")
-
     def __init__(self, connection: ServerConnection, inputs: Inputs) -> None:
         self._connection = connection
         self._inputs = inputs
@@ -283,13 +281,13 @@ class Sieve:
         try:
             message = msgspec.msgpack.decode(frame)
             kind = message["type"]
-            if kind not in self.ALLOWED:
-                return None
             if kind == "ViewerCameraMessage":
                 return frame if _is_camera(message) else None
-            if set(message) != {"type", "uuid", "updates"} or set(
-                message["updates"]
-            ) != {"value"}:
+            if (
+                kind != "GuiUpdateMessage"
+                or set(message) != {"type", "uuid", "updates"}
+                or set(message["updates"]) != {"value"}
+            ):
                 return None
             value = self._value(message["uuid"], message["updates"]["value"])
         except (
