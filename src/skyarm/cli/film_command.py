@@ -109,7 +109,7 @@ def film(
             " scenario"
         )
     output_file(file, "FILE")
-    recorded = require_film_format(path, SUFFIXES) is None
+    recorded = require_film_format(path, SUFFIXES) in SUFFIXES
     with taken_back(path.parent):
         # before the flights: a missing renderer must not cost a flight
         _require_renderer(recorded=recorded)

@@ -135,7 +135,8 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
 
     load = named.base.transform(seat.rotation, seat.position)
     # only the mass of the root merges; bodies of moving links keep their own axes
-    base, links = airframe.base, list(airframe.links)
+    base = airframe.base
+    links = list(airframe.links)
     of_joints: dict[str, Any] = {
         word: {**getattr(airframe, word), **getattr(named, word)} for word in OF_JOINTS
     }
@@ -308,7 +309,8 @@ def couple(
     joints = {links[i].joint.name: links[i].joint for i in free}
     followers = []
     for i in tied:
-        mimic, joint = whole[links[i].joint.name], links[i].joint
+        mimic = whole[links[i].joint.name]
+        joint = links[i].joint
         joints[mimic.joint] = _narrow_range(
             # friction first: the range is narrowed on the joint that already carries it
             _with_friction(joints[mimic.joint], joint, mimic.ratio),
@@ -319,13 +321,10 @@ def couple(
         nothing: dict[str, Any] = dict.fromkeys(PLAIN, 0)
         plain = replace(joint, **nothing)
         link = replace(links[i], parent=place[links[i].parent], joint=plain)
-        leader = next(
-            k for k, old in enumerate(free) if links[old].joint.name == mimic.joint
-        )
         followers.append(
             Follower(
                 link=link,
-                leader=leader,
+                leader=[*joints].index(mimic.joint),
                 ratio=mimic.ratio,
                 offset=description.zero_is_structure(mimic.offset),
             )
@@ -378,7 +377,8 @@ def resolve(name: str, mimics: Mapping[str, Mimic], links: Sequence[Link]) -> Mi
     """Leader at the end of a mimic joint's chain of mimics; raises an error if the
     leader is not a moving joint.
     """
-    joints, leader = [link.joint.name for link in links], follow(name, mimics)
+    joints = [link.joint.name for link in links]
+    leader = follow(name, mimics)
     if leader.joint not in joints:
         last = next(each for each in mimics if mimics[each].joint == leader.joint)
         refuse(
@@ -534,7 +534,8 @@ class RigidBodies:
         """
         # negative moments pass here: the check of the inertia itself has the better
         # message
-        mass, least = float(self.base.mass), principal_moments(self.base.inertia)[0]
+        mass = float(self.base.mass)
+        least = principal_moments(self.base.inertia)[0]
         if mass == 0.0 or 0.0 <= least < NOISE:
             field, value, lacks = (
                 ("mass", mass, "weighs nothing")
@@ -598,7 +599,8 @@ class BodyTree:
         self.frames: list[Frame] = []
         self.looks: list[Frame] = []
         self.parts: list[list[Body]] = [[]]
-        self.mimics, self.notes = mimics, notes
+        self.mimics = mimics
+        self.notes = notes
 
     def add_link(self, name: str, parent: int, joint: Joint) -> Frame:
         """Add a link with its joint to the body ``parent``; returns the link's

@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from skyarm.algebra import Scalar, Sym3
+from skyarm.records.arrays import doubles
 from skyarm.records.coerce import TOLERANCE, RecordError, coefficient, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
@@ -117,7 +118,7 @@ def nearest_inertia(inertia: Sym3) -> Sym3:
     """Nearest physically consistent inertia (kg m^2) about the same centre of mass in
     the same axes.
     """
-    given = np.array(inertia.full().rows, float)
+    given = doubles(inertia.full().rows)
     # J = tr(S) I - S: an inertia is physical if and only if its second moments S have
     # no negative eigenvalue
     values, axes = np.linalg.eigh(0.5 * np.trace(given) * np.eye(3) - given)
@@ -146,9 +147,7 @@ def rising(field: str, column: Sequence[Scalar], why: str = "") -> None:
 
 def principal_moments(inertia_com: Sym3) -> list[float]:
     """Principal moments of inertia (kg m^2) in ascending order."""
-    moments: list[float] = np.linalg.eigvalsh(
-        [[*row] for row in inertia_com.full().rows]
-    ).tolist()
+    moments: list[float] = np.linalg.eigvalsh(doubles(inertia_com.full().rows)).tolist()
     return moments
 
 

@@ -52,7 +52,9 @@ def complete_shape(
         ValueError: of the class ``error``: one line with field, value and what is
             allowed.
     """
-    shape, names, corners = record.shape, sizes[record.shape], record.vertices
+    shape = record.shape
+    names = sizes[shape]
+    corners = record.vertices
     without = f"must be left out of a {shape}"
     if len(record.size) != len(names):
         count = "one number" if len(names) == 1 else f"{len(names)} numbers"
@@ -95,11 +97,13 @@ def convex_hull(points: Array, most: float) -> tuple[IntArray, IntArray, float]:
     # the first four: farthest from the middle, then from that point, line and plane
     far = np.linalg.norm(points - points.mean(axis=0), axis=1)
     corners = [int(np.argmax(far))]
-    rest, size = points - points[corners[0]], 0.0
+    rest = points - points[corners[0]]
+    size = 0.0
     for _ in range(3):
         far = np.linalg.norm(rest, axis=1)
         corners.append(int(np.argmax(far)))
-        way, height = rest[corners[-1]], float(far.max())
+        way = rest[corners[-1]]
+        height = float(far.max())
         size = max(size, height)
         if height <= FLAT * size:
             raise ValueError("has all of its vertices in one plane: must have a volume")

@@ -36,11 +36,7 @@ def with_real_inertias(bodies: RigidBodies, *, every: bool = False) -> RigidBodi
         replace(link, body=_checked_body(f"link {link.name}", link.body, most, notes))
         for link in bodies.links
     )
-    return (
-        replace(bodies, base=base, links=links, notes=(*bodies.notes, *notes))
-        if notes
-        else bodies
-    )
+    return replace(bodies, base=base, links=links, notes=(*bodies.notes, *notes))
 
 
 def _checked_body(name: str, body: Body, most: float, notes: list[str]) -> Body:

@@ -10,9 +10,8 @@ refused where these are not held.
 
 from __future__ import annotations
 
-import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -43,7 +42,10 @@ from skyarm.vehicle.linkage import Body, Joint
 from skyarm.vehicle.mjcf_actuators import (
     AT_JOINT,
     at_joint,
+    carriers,
     effort_of,
+    joints_of,
+    limits,
     name_of,
     read_drives,
 )
@@ -69,7 +71,8 @@ class _MujocoTree(BodyTree):
 
     def __init__(self, model: MjModel, coupled: bool, notes: Notes) -> None:
         super().__init__(mimics_of(model), notes)
-        self.model, self.coupled = model, coupled
+        self.model = model
+        self.coupled = coupled
         self.seats: dict[int, Frame] = {}
         self.of_rotors: set[str] = set()
         self.carrying: set[str] = set()
@@ -141,7 +144,7 @@ def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
     drives = read_drives(model, driven, tree.mimics, notes)
     pose = (Mat3.identity(), ZERO3)
     # a fixed base stands in the world where its file put it; a free one starts anywhere
-    if root and not _joints(model, root):
+    if root and not joints_of(model, root):
         pose = _pose_of(model, "body", root)
     movable = {link.joint.name for link in tree.links} | tree.balls
     # the others are fixed
@@ -260,11 +263,11 @@ def _at_rest(model: MjModel, root: int) -> MjData:
     """
     import mujoco
 
-    if _joints(model, root):
+    if joints_of(model, root):
         # where the file puts a floating base is no property of the vehicle
         model.body_pos[root], model.body_quat[root] = (0, 0, 0), (1, 0, 0, 0)
     data = mujoco.MjData(model)
-    for joint in _joints(model, root)[:1]:
+    for joint in joints_of(model, root)[:1]:
         if kind_of(model, joint) == "free":
             # a free body stands at the origin, unturned
             data.qpos[model.jnt_qposadr[joint] :][:7] = (0, 0, 0, 1, 0, 0, 0)
@@ -323,10 +326,10 @@ def _root(model: MjModel, wanted: str, notes: Notes) -> tuple[int, list[int]]:
     # a root on a hinge is moved by the world, so the world is the base
     root = (
         chosen[0]
-        if chosen and (chosen[0] in free or not _joints(model, chosen[0]))
+        if chosen and (chosen[0] in free or not joints_of(model, chosen[0]))
         else 0
     )
-    if root in free and len(_joints(model, root)) > 1:
+    if root in free and len(joints_of(model, root)) > 1:
         why = (
             "on three slides and three hinges: taken as free; their limits, damping and"
             " friction are not read"
@@ -339,7 +342,7 @@ def _is_free(model: MjModel, body: int) -> bool:
     """True if a body of the world has a free joint, or three slides and three hinges
     that nothing holds.
     """
-    joints = _joints(model, body)
+    joints = joints_of(model, body)
     kinds = np.array([kind_of(model, joint) for joint in joints])
     if sorted(kinds) != ["prismatic"] * 3 + ["revolute"] * 3:
         return "free" in kinds
@@ -359,26 +362,24 @@ def _is_free(model: MjModel, body: int) -> bool:
     )
 
 
-def _joints(model: MjModel, body: int) -> list[int]:
-    first = model.body_jntadr[body]
-    return list(range(first, first + model.body_jntnum[body]))
-
-
 def _read_child(tree: _MujocoTree, body: int) -> None:
     """Add a body and its joints to the tree; MuJoCo applies the joints in sequence,
     each about its own anchor.
     """
-    model, name = tree.model, name_of(tree.model, "body", body)
+    model = tree.model
+    name = name_of(tree.model, "body", body)
     carrier = tree.seats[model.body_parentid[body]]
     at = posed_in(carrier, *_pose_of(model, "body", body))
-    balls = [joint for joint in _joints(model, body) if kind_of(model, joint) == "ball"]
+    balls = [
+        joint for joint in joints_of(model, body) if kind_of(model, joint) == "ball"
+    ]
     tree.balls |= {name_of(model, "jnt", joint) for joint in balls}
     moving = [
         joint
-        for joint in _joints(model, body)
+        for joint in joints_of(model, body)
         if joint not in balls and not _is_fixed(tree, joint)
     ]
-    for joint in _joints(model, body):
+    for joint in joints_of(model, body):
         anchor = description.vector(model.jnt_pos[joint])
         at = posed_in(at, Mat3.identity(), anchor)
         if joint in moving:
@@ -432,7 +433,8 @@ def _held_pose(tree: _MujocoTree, joint: int, at: Frame) -> Frame:
 
 def _read_body(tree: _MujocoTree, body: int) -> None:
     """Add the mass and the sites (named frames) of a MuJoCo body to the tree."""
-    model, at = tree.model, tree.seats[body]
+    model = tree.model
+    at = tree.seats[body]
     mass = float(model.body_mass[body])
     # the world has no mass of its own, also where MuJoCo gives it static geometry
     if mass > 0.0 and body:
@@ -559,12 +561,13 @@ def read_scene(path: Path, prefix: str, most: int, notes: Notes) -> list[SceneSh
     """
     model = _compile(path, notes)
     moves = (model.body_jntnum > 0) | (model.body_mocapid >= 0)
-    data, shapes = _at_rest(model, 0), list[SceneShape]()
+    data = _at_rest(model, 0)
+    shapes = list[SceneShape]()
     cure = "what moves is one of [[world.objects]] or a vehicle"
     for body in np.flatnonzero(moves).tolist():
         notes.add(f"moves: left out; {cure}", name_of(model, "body", body), "body")
     for geom in np.flatnonzero(model.geom_contype | model.geom_conaffinity).tolist():
-        if any(moves[body] for body in _up(model, model.geom_bodyid[geom])):
+        if any(moves[body] for body in carriers(model, model.geom_bodyid[geom])):
             continue
         name = name_of(model, "geom", geom)
         kind = GEOMS.split()[model.geom_type[geom]]
@@ -671,10 +674,8 @@ def mimics_of(model: MjModel) -> dict[str, Mimic]:
             )
         if name in mimics:
             refuse(f"equality of joint[{name}]", "two of them", "must be at most one")
-        leader, (offset, ratio) = (
-            (name_of(model, "jnt", other) if other >= 0 else ""),
-            numbers[:2],
-        )
+        leader = name_of(model, "jnt", other) if other >= 0 else ""
+        offset, ratio = numbers[:2]
         driven = (
             other >= 0
             and at_joint(model, model.eq_obj1id[each])
@@ -695,19 +696,6 @@ def resting(model: MjModel, name: str, mimics: Mapping[str, Mimic]) -> float:
     return leader.at_rest(
         *(limits(model, model.joint(leader.joint).id) if leader.joint else (0.0, 0.0))
     )
-
-
-def limits(model: MjModel, joint: int) -> tuple[float, float]:
-    """Lower and upper joint limit relative to the reference position, rad or m;
-    infinite without limits.
-    """
-    if not model.jnt_limited[joint]:
-        return -math.inf, math.inf
-    # MuJoCo's ranges count from its own zero, this library's from the reference
-    # position
-    zero = float(model.qpos0[model.jnt_qposadr[joint]])
-    lower, upper = (float(each) - zero for each in model.jnt_range[joint])
-    return lower, upper
 
 
 TENDON_FORCES = (
@@ -831,7 +819,8 @@ def _loop_faults(model: MjModel, root: int) -> dict[str, frozenset[str]]:
     }
     faults = {}
     for each in range(model.neq):
-        kind, ends = model.eq_type[each], (model.eq_obj1id[each], model.eq_obj2id[each])
+        kind = model.eq_type[each]
+        ends = (model.eq_obj1id[each], model.eq_obj2id[each])
         if not model.eq_active0[each] or kind == mujoco.mjtEq.mjEQ_JOINT:
             continue
         allowed = (
@@ -845,18 +834,11 @@ def _loop_faults(model: MjModel, root: int) -> dict[str, frozenset[str]]:
         # it holds the vehicle to its world
         if not at_bodies or (root and root in trees and len(trees) > 1):
             raise VehicleError(f"{fault}; must be left out of the file")
-        first, second = (set(_up(model, body)) for body in ends)
+        first, second = (set(carriers(model, body)) for body in ends)
         # the joints on either path from the two bodies to their common ancestor
         faults[fault] = frozenset(
             name_of(model, "jnt", j)
             for body in first ^ second
-            for j in _joints(model, body)
+            for j in joints_of(model, body)
         )
     return faults
-
-
-def _up(model: MjModel, body: int) -> Iterator[int]:
-    """A body of a MuJoCo model and all that carry it, but for the world."""
-    while body:
-        yield body
-        body = model.body_parentid[body]

@@ -8,7 +8,7 @@ means. Source: MuJoCo documentation, Computation, Actuation.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,32 @@ def name_of(model: Any, kind: str, index: int) -> str:
     none.
     """
     return str(getattr(model, kind)(index).name) or f"{kind}{index}"
+
+
+def joints_of(model: Any, body: int) -> list[int]:
+    """Joints of a body of a MuJoCo model, in the order in which they move it."""
+    first = model.body_jntadr[body]
+    return list(range(first, first + model.body_jntnum[body]))
+
+
+def carriers(model: Any, body: int) -> Iterator[int]:
+    """A body of a MuJoCo model and all that carry it, but for the world."""
+    while body:
+        yield body
+        body = model.body_parentid[body]
+
+
+def limits(model: Any, joint: int) -> tuple[float, float]:
+    """Lower and upper joint limit relative to the reference position, rad or m;
+    infinite without limits.
+    """
+    if not model.jnt_limited[joint]:
+        return -math.inf, math.inf
+    # MuJoCo's ranges count from its own zero, this library's from the reference
+    # position
+    zero = float(model.qpos0[model.jnt_qposadr[joint]])
+    lower, upper = (float(each) - zero for each in model.jnt_range[joint])
+    return lower, upper
 
 
 def force_range(model: Any, actuator: int) -> tuple[float, float]:
@@ -113,7 +139,8 @@ def effort_of(model: Any, joint: int, notes: Notes) -> float:
     """Effort limit of a joint from all its actuators together, N m or N; 0 without
     actuators.
     """
-    name, total = name_of(model, "jnt", joint), 0.0
+    name = name_of(model, "jnt", joint)
+    total = 0.0
     for actuator in (each for each in at_joint(model, joint) if is_servo(model, each)):
         low, high = force_range(model, actuator)
         # a joint has one effort limit for both directions here
@@ -154,7 +181,8 @@ def read_drives(
     """
     drives: dict[str, dict[str, Any]] = {}
     for joint in range(model.njnt):
-        name, actuators = name_of(model, "jnt", joint), at_joint(model, joint)
+        name = name_of(model, "jnt", joint)
+        actuators = at_joint(model, joint)
         for each in actuators if name in following else ():
             why = f"at joint {name}, which follows another one: not read"
             notes.add(why, name_of(model, "actuator", each), "actuator")

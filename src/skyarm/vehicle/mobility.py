@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import Mat3, Vec3
-from skyarm.records.arrays import Array, doubles
+from skyarm.records.arrays import Array, doubles, float_array
 from skyarm.records.coerce import concrete
 from skyarm.records.leaves import leaves
 from skyarm.vehicle.check import principal_moments
@@ -215,7 +215,7 @@ def of_mirrored(values: Array, mobilities: Array) -> Array:
 
 
 def _matrix(m: Mat3) -> Array:
-    return doubles([list(row) for row in m.rows])
+    return doubles(m.rows)
 
 
 def rigid_inertia(body: Body) -> Array:
@@ -229,15 +229,15 @@ def rigid_inertia(body: Body) -> Array:
 
 
 def _direction(joint: Joint) -> Array:
-    axis = map(float, joint.axis)
-    return np.array([*axis, 0.0, 0.0, 0.0] if joint.turns else [0.0, 0.0, 0.0, *axis])
+    still = (0.0, 0.0, 0.0)
+    return float_array((*joint.axis, *still) if joint.turns else (*still, *joint.axis))
 
 
 def _to_child(joint: Joint, value: float) -> Array:
     """Spatial transform (6 x 6) of a motion vector from the parent link's origin to the
     child link's.
     """
-    R, p = _matrix(joint.rotation), np.array([*map(float, joint.position)])
+    R, p = _matrix(joint.rotation), float_array(joint.position)
     axis = Vec3(*map(float, joint.axis))
     if joint.turns:
         K = _matrix(Mat3.cross(axis))

@@ -138,8 +138,8 @@ def _text(
     notes = {
         "rotors.inertia": f"{path.name}: links of the rotors, about their axes",
         **dict(vehicle.sources),
+        "base.mass": f"{path.name}: its root and what is fixed to it",
     }
-    notes |= {"base.mass": f"{path.name}: its root and what is fixed to it"}
     for link in vehicle.moving:
         notes |= {
             f"links.{link.name}.mass": path.name,

@@ -67,7 +67,8 @@ def sdf_text(vehicle: Vehicle) -> str:
 
 
 def _robot(form: str, vehicle: Vehicle) -> str:
-    pieces, first = _pieces(vehicle, one_space=form == "sdf"), 1 + len(vehicle.moving)
+    pieces = _pieces(vehicle, one_space=form == "sdf")
+    first = 1 + len(vehicle.moving)
     return render_vehicle(
         form,
         vehicle,

@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
+from itertools import chain
 from typing import Any, get_args
 
 from skyarm.algebra import Vec3
@@ -91,7 +92,8 @@ def read_rotor_tables(top: Fields, tilting: bool = False) -> RotorTables:
     may complete a file's tilts.
     """
     inner = top.inner("rotor_defaults")
-    usual, whole = _values(inner, tilting), inner.flag("all_stated", False)
+    usual = _values(inner, tilting)
+    whole = inner.flag("all_stated", False)
     inner.done()
     own = {}
     tables = top.tables("rotors")
@@ -191,13 +193,11 @@ def mount_rotors(
             strange[0],
             f"must be one of {', '.join(stated)}, or none of the entries may name one",
         )
-    notes: tuple[str, ...] = ()
+    notes = list[str]()
     if strange and stated:
-        notes = (
-            (
-                f"rotors {', '.join(stated)} of the file: left out; [[rotors]] states"
-                " all of the vehicle's"
-            ),
+        notes.append(
+            f"rotors {', '.join(stated)} of the file: left out; [[rotors]] states"
+            " all of the vehicle's"
         )
     whole = {} if strange else stated
     origins = whole or {
@@ -216,23 +216,19 @@ def mount_rotors(
     }
     for name, origin in whole.items():
         _require_numbers(origin, values[name])
-    notes += tuple(_notes(whole, lambda name: _default_words(whole[name])))
-    notes += tuple(
-        _notes(origins, lambda name: _other_thrust(origins[name], values[name]))
-    )
+    notes += _notes(whole, lambda name: _default_words(whole[name]))
+    notes += _notes(origins, lambda name: _other_thrust(origins[name], values[name]))
     still = _without_spin(bodies, (*stated.values(), *origins.values()))
     # a joint with limits that moves a rotor's link may be meant as a tilt, so its
     # holding is noted
     of_arm = {each.joint or _joint_of(bodies, each.link) for each in origins.values()}
     for joint in (each.joint for each in bodies.links if each.joint.name in of_arm):
         if any(map(math.isfinite, joint.ends)):
-            notes += (
-                (
-                    f"joint {joint.name}: held although it has limits, for it moves the"
-                    " link of a rotor"
-                ),
+            notes.append(
+                f"joint {joint.name}: held although it has limits, for it moves the"
+                " link of a rotor"
             )
-    gaps = list(_gaps(still, origins if tables.whole else whole, values))
+    gaps = tuple(_gaps(still, origins if tables.whole else whole, values))
     # without tables the file is only looked at, so gaps stay a property of the vehicle
     if gaps and (tables.own or tables.usual):
         raise VehicleError(gaps[0])
@@ -258,7 +254,7 @@ def mount_rotors(
         if not any(lag in each for each in values.values()):
             sources[f"rotors.{lag}", "assumed: the file states none"] = None
     every = (*carried, *made)
-    return MountedRotors(still, every, tuple(gaps), tuple(sources), notes)
+    return MountedRotors(still, every, gaps, tuple(sources), tuple(notes))
 
 
 def without_rotors(bodies: RigidBodies) -> RigidBodies:
@@ -350,31 +346,23 @@ def _require_numbers(rotor: StatedRotor, values: Values) -> None:
 
 def _gaps(
     bodies: RigidBodies, rotors: Mapping[str, StatedRotor], values: Mapping[str, Values]
-) -> list[str]:
+) -> Iterator[str]:
     """Lines on what the rotors of a file lack: the rotors, the missing fields and where
-    to state them.
+    to state them; those that ride on joints stand last.
     """
-    missing: dict[str, list[str]] = {}
-    riding: list[str] = []
-    joints: list[str] = []
-    for name, rotor in rotors.items():
-        seat = place_in(
-            bodies, values[name].get("link", rotor.link), f"rotors[{name}].link"
-        )
-        if moving := _joints_below(bodies, seat.link):
-            riding.append(name)
-            joints += moving
-        elif lacks := ", ".join(gaps_of(rotor, values[name])):
-            cure = (
-                "state them in [rotor_defaults], or in [[rotors]] with the rotor's name"
-            )
-            missing.setdefault(f"the file states no {lacks}; {cure}", []).append(name)
-    lines = [f"rotors {', '.join(names)}: {words}" for words, names in missing.items()]
-    return (
-        [*lines, f"rotors {', '.join(riding)}: {_rides_on(joints)}"]
-        if joints
-        else lines
-    )
+    below = {
+        name: _joints_below(bodies, name, values[name].get("link", rotor.link))
+        for name, rotor in rotors.items()
+    }
+
+    def words_of(name: str) -> str:
+        if below[name]:
+            return _rides_on([*chain.from_iterable(below.values())])
+        lacks = ", ".join(gaps_of(rotors[name], values[name]))
+        cure = "state them in [rotor_defaults], or in [[rotors]] with the rotor's name"
+        return f"the file states no {lacks}; {cure}" if lacks else ""
+
+    return _notes(sorted(rotors, key=lambda name: bool(below[name])), words_of)
 
 
 def joints_below_rotors(bodies: RigidBodies) -> list[str]:
@@ -382,27 +370,20 @@ def joints_below_rotors(bodies: RigidBodies) -> list[str]:
     tilt them.
     """
     still = _without_spin(bodies, bodies.rotors)
-    seats = [
-        place_in(still, each.link, f"rotors[{each.name}].link")
-        for each in bodies.rotors
-    ]
-    return list(
-        dict.fromkeys(
-            joint for seat in seats for joint in _joints_below(still, seat.link)
-        )
-    )
+    below = [_joints_below(still, each.name, each.link) for each in bodies.rotors]
+    return list(dict.fromkeys(chain.from_iterable(below)))
 
 
-def _joints_below(bodies: RigidBodies, link: int) -> list[str]:
-    """Names of the joints that move a link, the base's first; none if it is the
-    base.
+def _joints_below(bodies: RigidBodies, rotor: str, link: str) -> list[str]:
+    """Names of the joints that move the link or frame of a rotor, the base's first;
+    none if the base carries it.
     """
-    if link == BASE:
-        return []
-    return [
-        *_joints_below(bodies, bodies.links[link].parent),
-        bodies.links[link].joint.name,
-    ]
+    at = place_in(bodies, link, f"rotors[{rotor}].link").link
+    joints = list[str]()
+    while at != BASE:
+        joints.insert(0, bodies.links[at].joint.name)
+        at = bodies.links[at].parent
+    return joints
 
 
 def _notes(rotors: Iterable[str], words_of: Callable[[str], str]) -> Iterator[str]:
@@ -466,7 +447,7 @@ def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
     """Rotor in base axes from its place on a link and its values; fields that none
     states get their defaults.
     """
-    where, name = f"rotors[{origin.name}]", origin.name
+    where = f"rotors[{origin.name}]"
     values = whole_values(values)
     link = values.pop("link", None)
     seat = place_in(bodies, link or origin.link, f"{where}.link")
@@ -514,4 +495,4 @@ def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
             f"{where}.tilt", position, thrust_axis
         )
         values["tilt"] = Tilt(**values["tilt"] | {"axis": turning})
-    return Rotor(name=name, position=position, axis=thrust_axis, **values)
+    return Rotor(name=origin.name, position=position, axis=thrust_axis, **values)

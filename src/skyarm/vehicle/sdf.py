@@ -188,7 +188,8 @@ def _file_of(uri: str, file: Path) -> Path:
 
     No model is fetched from the network.
     """
-    name, here = uri.rpartition("://")[2], file.resolve().parent
+    name = uri.rpartition("://")[2]
+    here = file.resolve().parent
     given = [
         each for key in FOLDERS for each in os.environ.get(key, "").split(os.pathsep)
     ]
@@ -216,7 +217,8 @@ class _Tree:
     """
 
     def __init__(self, notes: Notes) -> None:
-        self.notes, self.models = notes, 0
+        self.notes = notes
+        self.models = 0
         self.links: dict[str, ET.Element] = {}
         self.joints: dict[str, tuple[ET.Element, _Scope]] = {}
         self.named: list[str] = []
@@ -264,7 +266,8 @@ class _Tree:
         self, element: ET.Element, scope: _Scope, merge: bool = False
     ) -> None:
         """Add a link, frame, joint or model; each is a frame."""
-        kind, name = element.tag, scope.whole(element.get("name", ""))
+        kind = element.tag
+        name = scope.whole(element.get("name", ""))
         # a joint may have the name of a link in older files, so its frame gets a key of
         # its own
         key = f"{kind} {name}" if merge or kind == "joint" else name
@@ -276,7 +279,8 @@ class _Tree:
             else element.get("attached_to", "")
         )
         inner = replace(scope, prefix=scope.prefix if merge else f"{name}::", frame=key)
-        pose, placement = _inner(element, "pose"), element.get("placement_frame")
+        pose = _inner(element, "pose")
+        placement = element.get("placement_frame")
         # "frame" is the word of SDF 1.5 and 1.6 for relative_to
         start = pose.get("relative_to") or pose.get("frame")
         self.frames[key] = (
@@ -387,12 +391,14 @@ class _Tree:
         than the link of the file.
         """
         joint, scope = self.joints[name]
-        kind, field = joint.get("type", ""), f"joint[{name}]"
+        kind = joint.get("type", "")
+        field = f"joint[{name}]"
         parent, link = self._at(above), self._at(below)
         if kind == "fixed":
             _connect(robot, name, kind, (above, below), (parent, link))
             return
-        moved, seat = below, self._at(f"joint {name}")
+        moved = below
+        seat = self._at(f"joint {name}")
         # equal frames need no link between them, so most joints keep the link of the
         # file
         if seat != link:
@@ -510,7 +516,8 @@ def _add_inertial(urdf: ET.Element, link: ET.Element, notes: Notes) -> None:
     """Give a URDF link the mass of a link of SDF; what the file does not state has the
     values that SDF defines.
     """
-    name, stated = urdf.get("name", ""), _inner(link, "inertial")
+    name = urdf.get("name", "")
+    stated = _inner(link, "inertial")
     if stated.get("auto") in TRUE:
         refuse(
             f"link[{name}].inertial.auto",

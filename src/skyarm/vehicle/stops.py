@@ -90,7 +90,8 @@ def _stiffness(joint: Joint, ease: float) -> float:
 
 def _with_stops(joint: Joint, ease: float) -> Joint:
     """Joint with end stops, and with matching stop damping if it has none."""
-    effort, stiffness = float(joint.effort_limit), _stiffness(joint, ease)
+    effort = float(joint.effort_limit)
+    stiffness = _stiffness(joint, ease)
     if float(joint.stop_damping) > 0.0:
         return replace(joint, stop_stiffness=stiffness)
     depth = effort / stiffness if 0.0 < effort < math.inf else DEPTH[joint.kind]
@@ -127,7 +128,8 @@ def with_smooth_friction(vehicle: Vehicle, names: Collection[str]) -> Vehicle:
     # nothing to bend, so the costly mobilities are not computed
     if not any(joint.name in names and joint.coulomb for joint in vehicle.joints):
         return vehicle
-    links, mobilities = list(vehicle.links), joint_mobility(vehicle)
+    links = list(vehicle.links)
+    mobilities = joint_mobility(vehicle)
     viscous = _fastest([float(link.joint.damping) for link in links], mobilities)[0]
     if _fastest(_slopes(links), mobilities)[0] <= MOST:
         return vehicle

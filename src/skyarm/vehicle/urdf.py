@@ -92,7 +92,8 @@ def read_urdf(
     Raises:
         VehicleError: without the file's name, which the caller adds.
     """
-    file, notes = Path(path), Notes()
+    file = Path(path)
+    notes = Notes()
     robot = parse_xml(
         expand_xacro(file, xacro) if file.suffix == ".xacro" else file.read_bytes(),
         notes.add,
@@ -267,7 +268,8 @@ def _constant_value(
             notes.add(f"lower equal to upper: fixed at {value:g}", name)
         return value
     last = follow(name, file.mimics)
-    value, leader = resting(last, file.joints), last.joint
+    value = resting(last, file.joints)
+    leader = last.joint
     if mimic == "couple":
         # checked here, because resting() takes an unknown leader as at zero
         if leader not in file.joints:
@@ -416,11 +418,9 @@ def fixed_at(joint: ET.Element) -> float | None:
     """
     if kind_of_joint(joint) == "fixed":
         return 0.0
-    limit = child(joint, "limit", f"joint[{joint.get('name')}]")
-    # a limit that is left out is no equal limit
-    stated = limit is not None and None not in (limit.get("lower"), limit.get("upper"))
+    # limits that are left out are never equal: limits() leaves the joint room there
     lower, upper = limits(joint)
-    return lower if stated and lower == upper else None
+    return lower if lower == upper else None
 
 
 def axis_of(joint: ET.Element) -> Vec3:
@@ -442,12 +442,11 @@ def read_joint(joint: ET.Element, R: Mat3, p: Vec3, notes: Notes) -> Joint:
     field = f"joint[{name}]"
     limit, dynamics = child(joint, "limit", field), child(joint, "dynamics", field)
     lower, upper = limits(joint)
-    if joint.get("type") != "continuous" and math.isinf(lower) and math.isinf(upper):
-        notes.add("without limits, so it turns or slides without end", name)
-    elif joint.get("type") != "continuous" and (
-        limit is None or None in (limit.get("lower"), limit.get("upper"))
-    ):
-        notes.add("with one limit stated only; the other is 0 or none", name)
+    if joint.get("type") != "continuous":
+        if math.isinf(lower) and math.isinf(upper):
+            notes.add("without limits, so it turns or slides without end", name)
+        elif limit is None or None in (limit.get("lower"), limit.get("upper")):
+            notes.add("with one limit stated only; the other is 0 or none", name)
     effort = number(limit, "effort", f"{field}.limit", math.nan, infinite=True)
     if math.isnan(effort):
         notes.add(
@@ -637,8 +636,10 @@ def _shape_of(
     """Shape of an element <collision> of URDF or SDF; None, with a note, for one that
     cannot be used.
     """
-    shape, pose = next(element.iterfind("geometry/*"), element), element.find("pose")
-    kind, name = shape.tag, _entry(shape, "filename") or _entry(shape, "uri")
+    shape = next(element.iterfind("geometry/*"), element)
+    pose = element.find("pose")
+    kind = shape.tag
+    name = _entry(shape, "filename") or _entry(shape, "uri")
     mesh = mesh_file(name, file) if kind == "mesh" else None
     if kind == "mesh" and not mesh:
         # without it the body would fly through what it hits
@@ -676,7 +677,8 @@ def sdf_pose(pose: ET.Element, field: str) -> Frame:
     """Position (m) and rotation of an SDF <pose>, by roll, pitch, yaw (rad or degrees)
     or a quaternion.
     """
-    text, four = text_of(pose), pose.get("rotation_format") == "quat_xyzw"
+    text = text_of(pose)
+    four = pose.get("rotation_format") == "quat_xyzw"
     if not text:
         return at_origin()
     x, y, z, *turn = numbers_of(text, field, 7 if four else 6)
@@ -686,7 +688,7 @@ def sdf_pose(pose: ET.Element, field: str) -> Frame:
         R = description.rotation_rpy(
             list(map(math.radians, turn)) if pose.get("degrees") in TRUE else turn
         )
-    return replace(at_origin(), position=description.vector((x, y, z)), rotation=R)
+    return posed_in(at_origin(), R, description.vector((x, y, z)))
 
 
 def origin_of(element: ET.Element, field: str) -> tuple[Mat3, Vec3]:
@@ -694,14 +696,13 @@ def origin_of(element: ET.Element, field: str) -> tuple[Mat3, Vec3]:
     without one.
     """
     origin = child(element, "origin", field)
-    xyz = numbers(origin, "xyz", f"{field}.origin", (0.0, 0.0, 0.0))
+    position = description.vector(
+        numbers(origin, "xyz", f"{field}.origin", (0.0, 0.0, 0.0))
+    )
     # an element of our own readers: it carries the poses of SDF files in full digits
     if origin is not None and origin.get("quat_xyzw"):
-        x, y, z, w = numbers_of(
-            origin.get("quat_xyzw", ""), f"{field}.origin.quat_xyzw", 4
-        )
-        return description.rotation_quaternion(
-            f"{field}.origin.quat_xyzw", [w, x, y, z]
-        ), description.vector(xyz)
+        where = f"{field}.origin.quat_xyzw"
+        x, y, z, w = numbers_of(origin.get("quat_xyzw", ""), where, 4)
+        return description.rotation_quaternion(where, [w, x, y, z]), position
     rpy = numbers(origin, "rpy", f"{field}.origin", (0.0, 0.0, 0.0))
-    return description.rotation_rpy(rpy), description.vector(xyz)
+    return description.rotation_rpy(rpy), position

@@ -64,7 +64,8 @@ def load_with_bodies(
     """
     with errors_as(VehicleError):
         text = file_name(name_or_path, "vehicle")
-    path, shipped, alone = Path(text), ", ".join(list_vehicles()), False
+    path = Path(text)
+    alone = False
     if text in list_vehicles():
         return _library_vehicle(text), None
     if is_robot(text):
@@ -93,10 +94,10 @@ def load_with_bodies(
         # a name without a suffix is more likely a mistyped name of the library
         missing = "there is no such file; " if path.suffix and not path.exists() else ""
         raise VehicleError(f"vehicle = {shown(text)}: {missing}{allowed}")
-    reason = unreadable(path)
-    if reason:
+    if reason := unreadable(path):
         raise VehicleError(
-            f"vehicle = {shown(text)}: {reason}; shipped vehicles are {shipped}"
+            f"vehicle = {shown(text)}: {reason}; shipped vehicles are"
+            f" {', '.join(list_vehicles())}"
         )
     with naming_file(text):
         return (
@@ -229,11 +230,10 @@ def _read(
             )
         # a name of the library wins over a file of that name without a suffix
         if named and name in list_vehicles():
-            return _from_toml((LIBRARY / f"{name}.toml").read_bytes(), None)
+            return _library_vehicle(name)
         if path.suffix not in suffixes:
             refuse(field, name, allowed)
-        reason = unreadable(path)
-        if reason:
+        if reason := unreadable(path):
             refuse(field, name, f"{reason} ({shown(path)[1:-1]})")
         # resolved paths, so that a ring through links or .. is found
         if path.resolve() in chain:
@@ -269,7 +269,8 @@ def robot_file(name: str) -> Path:
     Raises:
         VehicleError: one line: the package is not installed, or has no such robot.
     """
-    robots, stem = carried_robots(), name.removeprefix(PREFIX)
+    robots = carried_robots()
+    stem = name.removeprefix(PREFIX)
     if not robots:
         refuse("robot", name, needs_extra("robots"))
     if stem not in robots:

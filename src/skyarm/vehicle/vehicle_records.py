@@ -588,7 +588,8 @@ class Vehicle:
             return replace(self, base=self.base.merge(load))
         # followers are counted after the links, as in frames and wrenches
         if link >= self.n:
-            followers, k = list(self.followers), link - self.n
+            followers = list(self.followers)
+            k = link - self.n
             moved = replace(followers[k].link, body=followers[k].link.body.merge(load))
             followers[k] = replace(followers[k], link=moved)
             return replace(self, followers=tuple(followers))
@@ -742,7 +743,8 @@ def _require_follower(value: Vehicle, each: Follower, index: int) -> None:
     """Check a follower: existing leader, earlier parent, and a joint without friction,
     armature or stops.
     """
-    field, link = f"followers[{each.name}]", each.link
+    field = f"followers[{each.name}]"
+    link = each.link
     inertia(f"{field}.link.inertia", link.body.inertia, planar=link.body.planar)
     _require_joint(f"{field}.link.joint", link.joint)
     if not 0 <= each.leader < value.n:

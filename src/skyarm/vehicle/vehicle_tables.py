@@ -159,10 +159,11 @@ def vehicle_from(
     every = top.choice("inertia_repair", ("small", "nearest"), "small") == "nearest"
     # after the rotors' links were merged, because only the whole bodies have to be
     # physical
-    bodies, rotors = with_real_inertias(flying.bodies, every=every), flying.rotors
+    bodies = with_real_inertias(flying.bodies, every=every)
     if _source(top):
         bodies.require_airframe()
-    how, notes = top.choice("import_collisions", IMPORTS, "none"), Notes()
+    how = top.choice("import_collisions", IMPORTS, "none")
+    notes = Notes()
     posed = (
         *(_frame(fields, bodies) for fields in top.tables("frames")),
         *import_shapes(bodies, how, notes),
@@ -185,13 +186,12 @@ def vehicle_from(
         replace(bodies, drives={k: v for k, v in bodies.drives.items() if k in open_to})
     )
     drives = [*(each for each in drives if each.name in open_to), *own_drives, *stated]
-    jointed = [link["joint"] for link in top.table.get("links", ()) if "joint" in link]
+    # joints of this file stand in its links, those of another one in [[joints]]
+    joint_tables = [each["joint"] for each in top.table.get("links", ())]
+    described = {each["name"]: each for each in joint_tables} | changes
 
     def stating(field: str) -> set[str]:
-        described = {table.get("name") for table in jointed if field in table}
-        return described | {
-            joint for joint, values in changes.items() if field in values
-        }
+        return {joint for joint, table in described.items() if field in table}
 
     made = Vehicle(
         name=top.text("name"),
@@ -199,7 +199,7 @@ def vehicle_from(
         base=bodies.base,
         links=_with_limits_of_drives(links, drives, stating("effort_limit")),
         followers=followers,
-        rotors=rotors,
+        rotors=flying.rotors,
         frames=tuple(each for each in fixed if type(each) is Frame),
         looks=tuple(each for each in fixed if type(each) is Look),
         collisions=tuple(each for each in fixed if type(each) is Collision),
@@ -464,7 +464,8 @@ def _pose(fields: Fields) -> tuple[Mat3, Vec3]:
 
 def _frame(fields: Fields, bodies: RigidBodies) -> Frame:
     """Read a frame, relative to the moving body that carries the named link."""
-    (R, p), name = _pose(fields), fields.text("name")
+    R, p = _pose(fields)
+    name = fields.text("name")
     at = place_in(bodies, fields.text("link", "base"), fields.at("link"))
     fields.done()
     return posed_in(at, R, p, name)
@@ -476,10 +477,12 @@ def _collision(
     """Read a shape that touches, relative to the body that carries the named link; the
     path of a mesh starts at a folder.
     """
-    (R, p), name = _pose(fields), fields.text("name")
+    R, p = _pose(fields)
+    name = fields.text("name")
     at = place_in(bodies, fields.text("link", "base"), fields.at("link"))
     shape = fields.choice("shape", tuple(COLLISION_SIZES))
-    path, stated = fields.text("mesh", ""), fields.take("vertices", ())
+    path = fields.text("mesh", "")
+    stated = fields.take("vertices", ())
     if (shape == "hull") != bool(path) ^ bool(stated):
         why = (
             "must have either vertices or mesh"
@@ -490,7 +493,9 @@ def _collision(
     for word in ("most_vertices", "scale"):
         if not path and fields.states(word):
             refuse(fields.at(word), fields.take(word), "must be left out without mesh")
-    label, scale, most = "", METRES, float(MOST_CORNERS)
+    label = ""
+    scale = METRES
+    most = float(MOST_CORNERS)
     size: Sequence[float] | Array = ()
     if path:
         label = f"{fields.at('mesh')} = {shown(path)}: "
@@ -500,7 +505,8 @@ def _collision(
             refuse(fields.at("most_vertices"), most, allowed)
         scale = fields.vector("scale", METRES)
     elif stated:
-        where, allowed = fields.at("vertices"), f"must be 4 to {MOST_CORNERS} points"
+        where = fields.at("vertices")
+        allowed = f"must be 4 to {MOST_CORNERS} points"
         corners = coerce.items(where, stated, None, allowed)
         if not FEWEST_CORNERS <= len(corners) <= MOST_CORNERS:
             refuse(where, len(corners), f"{allowed}; a mesh may have more")
@@ -525,7 +531,8 @@ def _attach(
     from a vehicle file.
     """
     arm = fields.text("arm")
-    treatment, base = fields.choice("mimic", MIMIC, mimic), fields.text("base", "")
+    treatment = fields.choice("mimic", MIMIC, mimic)
+    base = fields.text("base", "")
     referred = refer(
         fields.at("arm"),
         arm,
@@ -547,11 +554,9 @@ def _attach(
             arm,
             "must have no battery; that of the airframe feeds the rotors",
         )
-    (R, p), to, prefix = (
-        _pose(fields),
-        fields.text("to", "base"),
-        fields.text("prefix", ""),
-    )
+    R, p = _pose(fields)
+    to = fields.text("to", "base")
+    prefix = fields.text("prefix", "")
     fields.done()
     whole = (
         without_rotors(referred)
@@ -693,7 +698,9 @@ def _with_limits_of_drives(
     given = {each.name: each.drive for each in drives if each.name not in stated}
 
     def limit_effort(link: Link) -> Link:
-        drive, limit = given.get(link.joint.name), link.joint.effort_limit
+        drive = given.get(link.joint.name)
+        limit = link.joint.effort_limit
+        limit = link.joint.effort_limit
         # traced limits stay, and so does one that somebody stated, also 0
         if drive is None or not concrete(limit) or limit != 0:
             return link

@@ -150,17 +150,12 @@ def rotor_lines(
     ``[rotor_defaults]``.
     """
     tables = [_rotor(each) for each in rotors]
-    shared = {
-        name: value
-        for name, value in (tables[0] if tables else {}).items()
-        if name not in PLACED
-    }
     # shared only if every rotor has the same value, so that reading back gives each its
     # own
     shared = {
         name: value
-        for name, value in shared.items()
-        if all(each.get(name) == value for each in tables)
+        for name, value in (tables[0] if tables else {}).items()
+        if name not in PLACED and all(each.get(name) == value for each in tables)
     }
     lines = _section("[rotor_defaults]", shared, "rotors", notes) if shared else []
     for table in tables:
@@ -263,12 +258,10 @@ def _record(record: object, always: Collection[str] = ()) -> Table:
     numbers = {
         name: float(entry[name]) for name in scalars(type(record)) if name in entry
     }
-    vectors = (
-        (name, each) for name, each in parts(record).items() if isinstance(each, Vec3)
-    )
+    vectors = {
+        name: list(map(float, each))
+        for name, each in parts(record).items()
+        if name in entry and isinstance(each, Vec3)
+    }
     # integers 0 and 1 of compiled code are written as numbers of the file's field
-    return (
-        entry
-        | numbers
-        | {name: list(map(float, each)) for name, each in vectors if name in entry}
-    )
+    return entry | numbers | vectors

@@ -31,7 +31,8 @@ def jsk_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
 
 
 def _rotor(joint: ET.Element, link: str, root: ET.Element) -> StatedRotor:
-    name, rate = joint.get("name", ""), root.find("m_f_rate[@value]")
+    name = joint.get("name", "")
+    rate = root.find("m_f_rate[@value]")
     # a limit of zero is one that the file leaves out
     values: dict[str, float] = {}
     if most := number(joint.find("limit"), "upper", f"joint[{name}].limit", 0.0):

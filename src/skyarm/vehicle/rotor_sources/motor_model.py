@@ -183,25 +183,20 @@ def _rotor(plugin: ET.Element, joints: Sequence[str]) -> StatedRotor:
             values[ours] = finite(text, f"{field}.{word}")
             where[ours] = f"{word} of the motor-model plugins"
         elif word in USUAL:
-            values[ours], where[ours] = (
-                USUAL[word],
-                f"default of {word} of the motor-model plugins",
-            )
+            values[ours] = USUAL[word]
+            where[ours] = f"default of {word} of the motor-model plugins"
             assumed += (f"{word} ({USUAL[word]:g})",)
     if plugin.get("filename", "").endswith(SIGNED):
-        values["rolling"], where["rolling"] = "signed", f"{SIGNED} of PX4"
+        values["rolling"] = "signed"
+        where["rolling"] = f"{SIGNED} of PX4"
     if sense := text_of(plugin, "turningDirection"):
         if sense not in SENSES:
             refuse(f"{field}.turningDirection", sense, "must be ccw or cw")
-        values["direction"], where["direction"] = (
-            SENSES[sense],
-            "turningDirection of the motor-model plugins",
-        )
+        values["direction"] = SENSES[sense]
+        where["direction"] = "turningDirection of the motor-model plugins"
     if text_of(plugin, "reversible").lower() in ("1", "true"):
-        values["reversible"], where["reversible"] = (
-            True,
-            "reversible of the motor-model plugins",
-        )
+        values["reversible"] = True
+        where["reversible"] = "reversible of the motor-model plugins"
     # a force- or position-controlled motor has no thrust by its speed
     if (kind := text_of(plugin, "motorType")) not in ("", "velocity"):
         values.pop("thrust_coefficient", None)

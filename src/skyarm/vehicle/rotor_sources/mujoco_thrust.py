@@ -22,8 +22,11 @@ from skyarm.vehicle.attach import Notes
 from skyarm.vehicle.mjcf_actuators import (
     LAGGING,
     at_joint,
+    carriers,
     force_range,
     is_plain,
+    joints_of,
+    limits,
     name_of,
 )
 from skyarm.vehicle.stated_rotors import LAGS, MAX_THRUST, RotorFile, StatedRotor
@@ -116,22 +119,18 @@ def _rotor(vehicle: MujocoVehicle, site: int, actuator: int, name: str) -> State
     model = vehicle.model
     data = vehicle.data
     gear = vehicle.model.actuator_gear[actuator]
-    size, values = float(np.linalg.norm(gear[:3])), _values(model, actuator)
+    size = float(np.linalg.norm(gear[:3]))
+    values = _values(model, actuator)
     thrust = data.site_xmat[site].reshape(3, 3) @ gear[:3] / size
     hub = data.site_xpos[site]
     name = name or name_of(model, "actuator", actuator)
     turned = data.xmat[vehicle.root].reshape(3, 3).T
     joints = list[int]()
-    body = model.site_bodyid[site]
-    while body not in (0, vehicle.root):
+    for body in carriers(model, model.site_bodyid[site]):
+        if body == vehicle.root:
+            break
         # outermost joint first, hence reversed within each body
-        joints += reversed(
-            range(
-                model.body_jntadr[body],
-                model.body_jntadr[body] + model.body_jntnum[body],
-            )
-        )
-        body = model.body_parentid[body]
+        joints += reversed(joints_of(model, body))
     roles = [_role(vehicle, joint, thrust, hub) for joint in joints]
     named = dict(
         zip(roles, (name_of(model, "jnt", joint) for joint in joints), strict=True)
@@ -184,11 +183,9 @@ def _rotor(vehicle: MujocoVehicle, site: int, actuator: int, name: str) -> State
 
 def _values(model: Any, actuator: int) -> dict[str, Any]:
     """Numbers of a rotor that its actuator holds."""
-    gear, (low, high), values = (
-        model.actuator_gear[actuator],
-        force_range(model, actuator),
-        dict[str, Any](),
-    )
+    gear = model.actuator_gear[actuator]
+    low, high = force_range(model, actuator)
+    values = dict[str, Any]()
     size = float(np.linalg.norm(gear[:3]))
     lag = float(model.actuator_dynprm[actuator][0])
     # torque along the thrust per thrust; the square because both carry the gear's
@@ -213,7 +210,8 @@ def _role(vehicle: MujocoVehicle, joint: int, thrust: Array, hub: Array) -> str:
     What tilts several rotors, or is tied to another joint, is no tilt of one: they ride
     on it.
     """
-    axis, hinge = vehicle.data.xaxis[joint], vehicle.model.jnt_type[joint] == HINGE
+    axis = vehicle.data.xaxis[joint]
+    hinge = vehicle.model.jnt_type[joint] == HINGE
     beside = np.cross(axis, hub - vehicle.data.xanchor[joint])
     if (
         hinge
@@ -246,13 +244,7 @@ def _tilt(vehicle: MujocoVehicle, joint: int, turned: Array) -> dict[str, Any]:
     """Axis and range of a hinge that tilts a rotor, as fields of a tilt."""
     model = vehicle.model
     axis = description.unit_axis("tilt.axis", turned @ vehicle.data.xaxis[joint])
-    # limits count from the reference position here
-    ends = model.jnt_range[joint] - model.qpos0[model.jnt_qposadr[joint]]
-    return {
-        "axis": axis,
-        **(
-            dict(zip(("lower", "upper"), ends.tolist(), strict=True))
-            if model.jnt_limited[joint]
-            else {}
-        ),
-    }
+    if not model.jnt_limited[joint]:
+        return {"axis": axis}
+    lower, upper = limits(model, joint)
+    return {"axis": axis, "lower": lower, "upper": upper}

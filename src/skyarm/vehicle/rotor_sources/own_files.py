@@ -43,7 +43,8 @@ def own_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
         return ()
     with errors_as(VehicleError, "skyarm:rotors: "):
         top = Fields(tomllib.loads(text), "")
-        tables, tilts = read_rotor_tables(top), top.inner("tilts")
+        tables = read_rotor_tables(top)
+        tilts = top.inner("tilts")
         every = [(name, {**tables.usual, **own}) for name, own in tables.own.items()]
         joints = joints or [
             tilts.text(name, f"{name}_tilt") if "tilt" in values else ""

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import count
 from typing import TypedDict
 
 from matplotlib.axes import Axes
@@ -164,7 +165,8 @@ def envelope_figure(axes: Mapping[str, EnvelopePanel], laws: Sequence[str]) -> F
             (:mod:`skyarm.studies.compare.envelope`).
         laws: in the order of the legend.
     """
-    looks, low = _line_styles(laws), _lower_limit(axes)
+    looks = _line_styles(laws)
+    low = _lower_limit(axes)
     figure, panels = PAGE.tiles(len(axes), ACROSS, (PAGE.width / ACROSS, PANEL), LEGEND)
     for i, ((name, axis), panel) in enumerate(zip(axes.items(), panels, strict=True)):
         _draw_panel(panel, name, axis, looks, low)
@@ -205,14 +207,7 @@ def _line_styles(laws: Sequence[str]) -> dict[str, Style]:
     name.
     """
     fixed = {law: KNOWN.index(law) for law in laws if law in KNOWN}
-    # as many places as all laws may need beside the known ones
-    free = iter(
-        [
-            place
-            for place in range(len(LINES) + len(laws))
-            if place not in fixed.values()
-        ]
-    )
+    free = (place for place in count() if place not in fixed.values())
     places = {law: fixed[law] if law in fixed else next(free) for law in laws}
     looks = {law: LINES[place % len(LINES)] for law, place in places.items()}
     return {

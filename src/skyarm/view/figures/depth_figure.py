@@ -10,7 +10,7 @@ from matplotlib.figure import SubFigure
 
 from skyarm.log.flight_log import Log, rows_of
 from skyarm.simulate.drawn_scenario import drawn_scenario
-from skyarm.view.figures.flight_facts import Named, Span
+from skyarm.view.figures.flight_facts import Named, Span, within
 from skyarm.view.figures.style import PAPER, Picture
 
 if TYPE_CHECKING:
@@ -46,7 +46,8 @@ def depth_figure(flights: Named, span: Span) -> Picture:
 
     found: list[tuple[str, list[RangeImage]]] = []
     for label, log in flights.items():
-        eyes, own = Eyes.of_log(log), f"{label}: " * (len(flights) > 1)
+        eyes = Eyes.of_log(log)
+        own = f"{label}: " * (len(flights) > 1)
         found += [(own + name, _pictures(eyes, name, log, span)) for name in eyes.names]
     rows = [(label, seen, _shape(seen[0])) for label, seen in found if seen]
     if not rows:
@@ -76,7 +77,7 @@ def _pictures(eyes: Eyes, name: str, log: Log, span: Span) -> list[RangeImage]:
     """Different pictures that are nearest to the instants of an interval."""
     ticks = np.rint(log.time * drawn_scenario(log).rates.control).astype(int).tolist()
     due = np.array([i for i, tick in enumerate(ticks) if eyes.is_due(name, tick)], int)
-    due = due[(log.time[due] >= span[0]) & (log.time[due] <= span[1])]
+    due = due[within(log, span)[due]]
     if not due.size:
         return []
     away = np.abs(log.time[due] - np.linspace(*span, INSTANTS)[:, None])

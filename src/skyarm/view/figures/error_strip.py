@@ -91,7 +91,8 @@ def error_strip(
         (edge / width, bottom, 1.0 - (edge + 26.0 * scale) / width, top - bottom)
     )
     style.dress(ax)
-    logarithmic, unit = not forces and _far_apart(curves), 1.0 if forces else 1e3
+    logarithmic = not forces and _far_apart(curves)
+    unit = 1.0 if forces else 1e3
     for curve in curves:
         clipped = np.clip(curve.error, SMALLEST if logarithmic else 0.0, LARGEST)
         every = max(1, len(clipped) // POINTS)

@@ -14,7 +14,7 @@ from skyarm.log.flight_log import Log
 from skyarm.log.formats import as_log
 from skyarm.log.log_columns import component_labels
 from skyarm.log.metrics.score import wanted_push
-from skyarm.records.arrays import Array, lengths
+from skyarm.records.arrays import Array, Mask, lengths
 from skyarm.records.files import PathLike
 from skyarm.records.immutable import positional
 from skyarm.scenario.payload_tables import scheduled_changes
@@ -63,6 +63,11 @@ def end_time(log: Log) -> float:
         if log.time.size
         else 0.0
     )
+
+
+def within(log: Log, span: Span) -> Mask:
+    """Mask (N,) of the instants of a log within a time interval."""
+    return (log.time >= span[0]) & (log.time <= span[1])
 
 
 def gust_interval(log: Log) -> Span | None:
@@ -221,7 +226,8 @@ def own_forces(log: Log, array: str) -> Array:
     """Logged forces (N, k) at the contact points or of the grippers of a log's vehicle,
     without those of others.
     """
-    table, others = log.component(array), parts_of_others(log)
+    table = log.component(array)
+    others = parts_of_others(log)
     if not others:
         return table
     own = [
@@ -239,7 +245,8 @@ def parts_of_others(log: Log) -> frozenset[str]:
     scenario = scenario_of(log)
     if scenario is None or scenario.world is None:
         return frozenset()
-    world, own = scenario.world, ("", *scenario.agents)
+    world = scenario.world
+    own = ("", *scenario.agents)
     names = [each.name for each in world.points if each.agent not in own]
     names += [each.name for each in world.grippers if each.agent not in own]
     grasps = [each for each in world.grasps if each.agent not in own]
@@ -287,7 +294,8 @@ def flight_events(log: Log) -> tuple[Event, ...]:
     An interval keeps its end behind that of the flight: flights that were lost at other
     times met the same gust.
     """
-    scenario, end = scenario_of(log), end_time(log)
+    scenario = scenario_of(log)
+    end = end_time(log)
     if scenario is None:
         gust = gust_interval(log)
         return () if gust is None else (Event("gust", *gust),)
@@ -322,7 +330,8 @@ def _changes(scenario: Scenario, end: float) -> Iterator[Event]:
     ]
     paths = [change.path for change in changes]
     for change in changes:
-        alike, value = paths.count(change.path), change.value
+        alike = paths.count(change.path)
+        value = change.value
         text = f"{value:.4g}" if isinstance(value, float) else str(value)
         label = f"{change.path} = {text}"
         if not isinstance(value, (float, str, bool)) or len(text) > LONGEST_VALUE:

@@ -143,9 +143,7 @@ def _tracking(logs: Logs) -> Panels:
             unit=unit_of_kind(Unit("rad or m"), kind or "revolute"),
             of=column("joints", i),
             desired=column("joints_reference", i),
-            limits=_finite(
-                end for joint in joints for end in (joint.lower, joint.upper)
-            ),
+            limits=_finite(end for joint in joints for end in joint.ends),
         )
         for i, label, kind, joints in _joints(logs)
     ]
@@ -303,7 +301,9 @@ def _efforts(logs: Logs) -> Panels:
         for setpoint in dict.fromkeys(
             names_of(log).setpoints[i] for log in logs if i < log.efforts.shape[1]
         ):
-            words, unit, limits = f"{label} setpoint", setpoint or "", _finite(())
+            words = f"{label} setpoint"
+            unit = setpoint or ""
+            limits = _finite(())
             if setpoint is None:
                 words = f"{label} {'force' if kind == 'prismatic' else 'torque'}"
                 unit = unit_of_kind(Unit("N m or N"), kind or "revolute")
@@ -313,9 +313,7 @@ def _efforts(logs: Logs) -> Panels:
                     for sign in (-1.0, 1.0)
                 )
             elif setpoint in ("rad", "m"):
-                limits = _finite(
-                    end for joint in joints for end in (joint.lower, joint.upper)
-                )
+                limits = _finite(end for joint in joints for end in joint.ends)
             panels.append(
                 Panel(label=words, unit=unit, of=_command(i, setpoint), limits=limits)
             )

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
 from skyarm.log.flight_log import Log
-from skyarm.records.arrays import Array, IntArray, Mask
+from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files import PathLike, number
 from skyarm.records.files.names import require_suffix
 from skyarm.view.figures.depth_figure import depth_figure
@@ -26,6 +26,7 @@ from skyarm.view.figures.flight_facts import (
     flights_by_label,
     scenario_of,
     vehicles_by_label,
+    within,
 )
 from skyarm.view.figures.flight_panels import (
     ALL,
@@ -79,7 +80,8 @@ def path_figure(flights: Named, span: Span) -> Picture:
     figure = PAPER.blank(PAPER.wide, HEIGHT)
     axes = figure.subplots(1, 2)
     handles: Handles = {}
-    named, world = vehicles_by_label(flights), world_of(flights, span)
+    named = vehicles_by_label(flights)
+    world = world_of(flights, span)
     for ax, view in zip(axes, (TOP, SIDE), strict=True):
         handles |= draw_view(ax, view, named, span, world)
     # the desired path last, as False sorts before True
@@ -140,7 +142,7 @@ def _paths(ax: Axes, view: Projection, named: Named, span: Span) -> Handles:
     """
     handles: Handles = {}
     for i, (label, log) in enumerate(named.items()):
-        inside = _inside(log, span)
+        inside = within(log, span)
         name = label + ending_of(log)
         (handles[name],) = ax.plot(
             *view.flat(log.tip[inside]).T, label=name, **PAPER.look(i).line
@@ -148,11 +150,6 @@ def _paths(ax: Axes, view: Projection, named: Named, span: Span) -> Handles:
         desired = view.flat(log.tip_reference[inside]).T
         (handles["desired"],) = ax.plot(*desired, label="desired", **PAPER.desired.line)
     return handles
-
-
-def _inside(log: Log, span: Span) -> Mask:
-    """Mask (N,) of the instants of a log within a time interval."""
-    return (log.time >= span[0]) & (log.time <= span[1])
 
 
 def _frame(ax: Axes) -> None:
@@ -175,7 +172,7 @@ def world_of(named: Named, span: Span) -> Scene:
     """
     for log in named.values():
         scenario = scenario_of(log)
-        inside = np.flatnonzero(_inside(log, span))
+        inside = np.flatnonzero(within(log, span))
         if scenario is None or not inside.size:
             continue
         ends = inside[[0, -1]]
@@ -192,7 +189,8 @@ def world_of(named: Named, span: Span) -> Scene:
                 around=around,
                 name=name,
             )
-        name, first = next(iter(agents)), team[0]
+        name = next(iter(agents))
+        first = team[0]
         seen = replace(agents[name], agents=agents)
 
         # defaults, so that each flight has its own
@@ -367,7 +365,7 @@ def _draw(ax: Axes, panel: Panel, named: Named, span: Span) -> Handles:
     PAPER.name_axis(ax, panel.label, panel.unit)
     for i, (label, log) in enumerate(named.items()):
         values, desired = panel.of(log), panel.desired(log) if panel.desired else None
-        inside = _inside(log, span)
+        inside = within(log, span)
         curves = [(label + ending_of(log), values, PAPER.look(i).line)]
         if len(named) == 1 and values is not None:
             curves += _received_curves(panel, log, values)

@@ -313,7 +313,8 @@ def _draw(
             )
         seen = drawn.setdefault(panel.scale or panel.label, [])
         for i, (controller, log) in enumerate(logs.items()):
-            curve, label = by_hold(log, panel.of(log)), controller + ending_of(log)
+            curve = by_hold(log, panel.of(log))
+            label = controller + ending_of(log)
             (handles[label],) = ax.plot(
                 *curve, label=label, **_law_look(controller, i).line
             )
@@ -332,7 +333,8 @@ def _draw(
         if gust:
             handles["gust"] = ax.axvspan(*gust, **GUST)
     for ax, panel in zip(axes, spec.panels, strict=True):
-        shown, largest = drawn[panel.scale or panel.label], LARGEST_VALUE[panel.unit]
+        shown = drawn[panel.scale or panel.label]
+        largest = LARGEST_VALUE[panel.unit]
         ax.set_ylim(*limits(shown, floor=panel.magnitude, span=panel.span, cap=largest))
     # logs without an instant have an axis of 1 s
     axes[-1].set_xlim(0.0, max(map(end_time, logs.values())) or 1.0)
@@ -359,7 +361,8 @@ def overview_figure(logs: Mapping[str, Named], steady: Window) -> Picture:
     path, *others = map(PAPER.dress, figure.subplots(1, 3))
     handles: Handles = {}
     for i, (controller, log) in enumerate(logs["case3"].items()):
-        at, look = steady.of(log), _law_look(controller, i).line
+        at = steady.of(log)
+        look = _law_look(controller, i).line
         (handles[controller],) = path.plot(
             *log.tool[at, :2].T, label=controller, **look
         )

@@ -139,7 +139,8 @@ def _lines_at(plan: Plan, times: Array) -> Array:
     """Ends (N, lines, 2, 3) of the lines of a vehicle, booms and arm, at N instants, m,
     world axes.
     """
-    vehicle, x = plan.task.vehicle, states_at(plan, times)
+    vehicle = plan.task.vehicle
+    x = states_at(plan, times)
     position, quaternion, joints = x[:, :3], x[:, 3:7], x[:, plan.stage.at.joints]
     seen = Instants(
         vehicle=vehicle,
@@ -165,49 +166,47 @@ def limits_figure(plan: Plan) -> Figure:
     """Draw speed, tilt, rotor thrusts, joint torques, joint rates and joints over time,
     with their limits.
     """
-    vehicle, limits = plan.task.vehicle, plan.task.limits
+    vehicle = plan.task.vehicle
+    limits = plan.task.limits
     at = plan.stage.at
     efforts = float_array(joint.effort_limit for joint in vehicle.joints)
-    panels: list[tuple[str, str, Array, Array, list[float]]] = [
-        ("Speed", "m/s", plan.t, lengths(plan.x[:, 7:10]), [limits.speed]),
+    panels: list[tuple[str, str, Array, list[float]]] = [
+        ("Speed", "m/s", lengths(plan.x[:, 7:10]), [limits.speed]),
         (
             "Tilt",
             "degrees",
-            plan.t,
             np.degrees(tilts(plan)),
             [math.degrees(limits.tilt)],
         ),
         (
             "Rotor thrust",
             "% of highest",
-            plan.t,
             100.0 * plan.thrust_shares,
             [100.0 * limits.thrust_share],
         ),
     ]
     if vehicle.n:
-        share, fastest = 100.0 * limits.torque_share, limits.joint_rate
+        share = 100.0 * limits.torque_share
+        fastest = limits.joint_rate
         panels += [
             (
                 "Joint torque",
                 "% of limit",
-                plan.t,
                 100.0 * plan.torques / efforts,
                 [share, -share],
             ),
             (
                 "Joint rate",
                 "rad/s or m/s",
-                plan.t,
                 plan.x[:, at.joint_rates],
                 [fastest, -fastest],
             ),
-            ("Joints", "rad or m", plan.t, plan.x[:, at.joints], []),
+            ("Joints", "rad or m", plan.x[:, at.joints], []),
         ]
     figure, axes = PAGE.tiles(len(panels), 2, (5.5, 2.1))
-    for ax, (name, unit, t, values, ends) in zip(axes, panels, strict=True):
+    for ax, (name, unit, values, ends) in zip(axes, panels, strict=True):
         for k, column in enumerate(np.atleast_2d(values.T)):
-            ax.plot(t, column, **PAGE.look(k).line)
+            ax.plot(plan.t, column, **PAGE.look(k).line)
         for end in ends:
             # a limit of 180 degrees of tilt is none
             if math.isfinite(end) and end < 179.9:

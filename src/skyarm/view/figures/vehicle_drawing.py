@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch, Polygon
 from matplotlib.patheffects import withStroke
 
-from skyarm.records.arrays import Array, doubles, float_array, norm
+from skyarm.records.arrays import Array, float_array, norm
 from skyarm.vehicle import BASE, Rotor, Vehicle
 from skyarm.view.figures.projection import (
     SIDE,
@@ -26,7 +26,7 @@ from skyarm.view.figures.projection import (
 )
 from skyarm.view.figures.style import PAPER, Picture
 from skyarm.world.scene.shapes import Shape
-from skyarm.world.scene.vehicle_shapes import body_poses, rotor_radius, vehicle_shapes
+from skyarm.world.scene.vehicle_shapes import place, rotor_radius, vehicle_shapes
 
 Poses = dict[int, tuple[Array, Array]]
 
@@ -95,12 +95,12 @@ def vehicle_drawing(vehicle: Vehicle) -> Picture:
     sheets = []
     # shares of the figure: the two flat views on top of each other beside the large
     # one, the last 8 % of the height for the title
-    for view, place, title, mark in (
+    for view, box, title, mark in (
         (CORNER, (0.005, 0.01, 0.575, 0.91), "", _mark_frames_and_axes),
         (SIDE, (0.585, 0.5, 0.41, 0.38), "from the right", _mark_lengths_and_angles),
         (TOP, (0.585, 0.01, 0.41, 0.43), "from above", _mark_rotors),
     ):
-        sheet = Sheet(figure.add_axes(place), view, posed)
+        sheet = Sheet(figure.add_axes(box), view, posed)
         sheet.ax.set_title(title, **PAPER.small_words)
         mark(sheet)
         sheet.fit()
@@ -128,7 +128,8 @@ class Posed:
     """
 
     def __init__(self, vehicle: Vehicle) -> None:
-        self.vehicle, self.angles = vehicle, drawing_angles(vehicle)
+        self.vehicle = vehicle
+        self.angles = drawing_angles(vehicle)
         self.poses = _at_origin(vehicle, self.angles)
         self.frames = {"base": self.poses[BASE]}
         for frame in vehicle.frames:
@@ -164,9 +165,8 @@ def _at_origin(vehicle: Vehicle, joints: Sequence[float]) -> Poses:
     """Poses (R_WB, p_WB) of all bodies, by body number, with the base level at the
     origin.
     """
-    level = np.array([[1.0, 0.0, 0.0, 0.0]])
-    poses = body_poses(vehicle, np.zeros((1, 3)), level, doubles([joints]))
-    return {body: (R[0], p[0]) for body, (R, p) in poses.items()}
+    placed = place(vehicle, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), joints)
+    return {body: (R[0], p[0]) for body, (R, p) in placed.poses.items()}
 
 
 class Sheet:
@@ -175,7 +175,10 @@ class Sheet:
     """
 
     def __init__(self, ax: Axes, view: Projection, posed: Posed) -> None:
-        self.ax, self.view, self.posed, self.reach = ax, view, posed, posed.reach
+        self.ax = ax
+        self.view = view
+        self.posed = posed
+        self.reach = posed.reach
         self.labels: list[tuple[str, Array, str]] = []
         self._drawn: list[Array] = []
         ax.set_axis_off()
@@ -297,7 +300,8 @@ def _mark_frames_and_axes(sheet: Sheet) -> None:
     """Add coordinate frames, joint axes, rotor numbers and rotor tilts to the
     axonometric view.
     """
-    posed, vehicle = sheet.posed, sheet.posed.vehicle
+    posed = sheet.posed
+    vehicle = posed.vehicle
     sheet.triad("world", np.eye(3), sheet.below())
     origins = [posed.poses[i][1] for i in range(vehicle.n)]
     for joint, at, axis in zip(vehicle.joints, origins, posed.axes, strict=True):
@@ -339,7 +343,8 @@ def _mark_frames_and_axes(sheet: Sheet) -> None:
 
 def _mark_lengths_and_angles(sheet: Sheet) -> None:
     """Add lengths between joints, and joint angles, to the side view."""
-    posed, vehicle = sheet.posed, sheet.posed.vehicle
+    posed = sheet.posed
+    vehicle = posed.vehicle
     sheet.triad("base", *posed.frames["base"])
     ends = [(link.parent, float_array(link.joint.position)) for link in vehicle.moving]
     ends += [(frame.link, float_array(frame.position)) for frame in vehicle.frames]
@@ -353,9 +358,11 @@ def _mark_lengths_and_angles(sheet: Sheet) -> None:
             R @ end for body, end in ends if body == i and np.linalg.norm(end) > 1e-6
         ]
         for rod in rods:
-            length, middle = norm(rod), at + 0.5 * rod
+            length = norm(rod)
+            middle = at + 0.5 * rod
             # two arms in one line of sight have one label
-            words, flat = f"{round(1e3 * length, 1):g} mm", sheet.view.flat(middle)
+            words = f"{round(1e3 * length, 1):g} mm"
+            flat = sheet.view.flat(middle)
             labelled = any(
                 text == words and math.dist(there, flat) < 0.02 * sheet.reach
                 for text, there in written
@@ -437,7 +444,8 @@ def _write_label(ax: Axes, text: str, at: Array, color: str, ink: Array) -> None
     label.set_path_effects(
         [withStroke(linewidth=0.3 * PAPER.small, foreground=PAPER.face, alpha=0.8)]
     )
-    point, drawn = ax.transData.transform(at), label.get_window_extent()
+    point = ax.transData.transform(at)
+    drawn = label.get_window_extent()
     half = 0.5 * np.array([drawn.width, drawn.height])
     # half a step off: no label lies exactly on an axis of the picture
     turns = 2.0 * math.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS

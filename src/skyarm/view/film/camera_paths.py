@@ -43,7 +43,8 @@ def _axes_of_view(azimuth: float) -> Array:
     """Camera axes right, up and away (matrix columns) for a viewing azimuth (deg) and
     the elevation ELEVATION.
     """
-    az, away = math.radians(azimuth), looking_towards(azimuth)
+    az = math.radians(azimuth)
+    away = looking_towards(azimuth)
     right = np.array([math.sin(az), -math.cos(az), 0.0])
     return np.stack([right, np.cross(right, away), away], axis=1)
 
@@ -107,7 +108,8 @@ def sensor_camera(
     )
     body = sensor.body_of(flight.vehicle)
     places = flight.place(sensor.position, body)
-    (height, width), (fx, fy, *_) = sensor.shape, sensor.intrinsics()
+    height, width = sensor.shape
+    fx, fy, *_ = sensor.intrinsics()
     return replace(
         _path(places, 0.0, 0.0),
         rotation=flight.poses[body][0] @ matrices(sensor.rotation, 1)[0],

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 
 import numpy as np
@@ -98,7 +98,10 @@ class Captions:
         layout: FrameLayout,
         title: str,
     ) -> None:
-        self._flights, self._times, self._layout = flights, times, layout
+        self._flights = flights
+        self._times = times
+        self._layout = layout
+        self._write = partial(write_line, scale=layout.scale)
         self._blank = np.full((layout.height, layout.width, 3), 255, np.uint8)
         name, self._clock = layout.title.split(
             layout.title.width
@@ -113,14 +116,16 @@ class Captions:
                 self._blank,
                 name.split(self._name_width(flight, name))[0],
                 flight.label,
-                color,
+                ink=color,
                 bold=True,
             )
         self._strip = self._plot()
 
     def frame(self, drawn: Pixels, k: int) -> Pixels:
         """Compose a film frame from the rendered 3D panels, captions and plot."""
-        picture, layout, time = self._blank.copy(), self._layout, float(self._times[k])
+        picture = self._blank.copy()
+        layout = self._layout
+        time = float(self._times[k])
         for box in layout.panels:
             picture[box.inside] = drawn[box.inside]
         winds = {wind_words(flight, k) for flight in self._flights}
@@ -131,11 +136,11 @@ class Captions:
         for box, flight in zip(layout.heads, self._flights, strict=True):
             ink = LOST if flight.lost and time >= flight.end else INK
             number = box.split(self._name_width(flight, box))[1]
-            self._write(
-                picture, number, state_words(flight, time, k), ink, align="right"
-            )
+            words = state_words(flight, time, k)
+            self._write(picture, number, words, ink=ink, align="right")
         if self._strip is not None and layout.plot is not None:
-            strip, top = self._strip, layout.plot.top
+            strip = self._strip
+            top = layout.plot.top
             share = (time - self._times[0]) / (_end_time(self._times) - self._times[0])
             at = round(
                 layout.plot.left + strip.left + share * (strip.right - strip.left)
@@ -176,20 +181,6 @@ class Captions:
         )
         self._blank[box.inside] = strip.pixels
         return strip
-
-    def _write(
-        self,
-        pixels: Pixels,
-        box: Box,
-        text: str,
-        ink: Sequence[int] = INK,
-        *,
-        align: str = "left",
-        bold: bool = False,
-    ) -> None:
-        """Write a line of text of the film's size into a rectangle of an image."""
-        scale = self._layout.scale
-        write_line(pixels, box, text, scale, ink=ink, align=align, bold=bold)
 
 
 def write_line(

@@ -23,14 +23,11 @@ from skyarm.view.film.captions import DESIGNED
 from skyarm.view.film.make_film import FilmSettings
 from skyarm.view.picture.frames import FlightFrames, frames_now
 from skyarm.view.picture.marks import (
-    THICK,
     THIN,
     desired_path,
     ghost_solids,
-    scene_lines,
-    touch_marks,
+    marks_of,
     vehicle_solids,
-    wind_arrow,
 )
 from skyarm.view.picture.mujoco_sink import CameraPath, FramePanel, Renderer, open_stage
 from skyarm.world.scene.vehicle_shapes import longest_boom
@@ -87,7 +84,8 @@ class EpisodePictures:
     def begin(self, scenario: Scenario) -> None:
         """Start another episode, given its scenario with the sampled parameters."""
         self.close()
-        self._scenario, self._last = scenario, first_state(scenario)
+        self._scenario = scenario
+        self._last = first_state(scenario)
         self._inputs = episode_inputs(scenario)
         self._whole: FlightFrames | None = None
 
@@ -97,7 +95,8 @@ class EpisodePictures:
         Raises:
             NoDisplayError: one line: nothing can be drawn on this machine.
         """
-        settings, panel = self._settings, self._panel(now)
+        settings = self._settings
+        panel = self._panel(now)
         if self._stage is None:
             stage = open_stage(
                 [panel], settings.width, settings.height, fine=settings.fine
@@ -113,7 +112,8 @@ class EpisodePictures:
         self._open.close()
 
     def _panel(self, now: LoopState) -> FramePanel:
-        settings, scenario = self._settings, self._scenario
+        settings = self._settings
+        scenario = self._scenario
         time = float(now.ticks) / scenario.rates.control
         # the numbers of a diverged vehicle cannot be drawn, nor can NaN
         if all(abs(number) < FARTHEST for number in leaves(now.agent.state)):
@@ -127,19 +127,28 @@ class EpisodePictures:
             ghost_solids(flight) if settings.ghost else []
         )
         reach = longest_boom(flight.vehicle)
+        # of one instant there is neither a trail nor a path, which the whole reference
+        # gives
         marks = [
             *desired_path(whole, THIN * self._scale),
-            *scene_lines(flight, 0, THICK * self._scale),
-            *touch_marks(flight, 0, reach),
-            *wind_arrow(flight, 0, reach),
+            *marks_of([flight], reach, self._scale)(0),
         ]
         camera = self._camera(whole, flight, time)
-        at, ground = (0, 0, settings.width, settings.height), flight.scene.ground or 0.0
-        return FramePanel(*at, camera, solids, lambda _: marks, ground)
+        return FramePanel(
+            0,
+            0,
+            settings.width,
+            settings.height,
+            camera,
+            solids,
+            lambda _: marks,
+            flight.scene.ground or 0.0,
+        )
 
     def _reference(self, now: LoopState, time: float) -> FlightFrames:
         """Make the frames of an ideal flight that follows its reference exactly."""
-        steps, control = self._scenario.steps, self._scenario.rates.control
+        steps = self._scenario.steps
+        control = self._scenario.rates.control
         frames = frames_now(
             self._inputs,
             now,

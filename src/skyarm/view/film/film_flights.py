@@ -80,7 +80,7 @@ def write_film(
     """Write logs to a film, or to a 3D recording if the file's suffix is that of a
     recording.
     """
-    if require_film_format(path, SUFFIXES) is None:
+    if require_film_format(path, SUFFIXES) in SUFFIXES:
         return save_recording(
             record(logs, settings, labels=labels, progress=progress), path
         )

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from skyarm.algebra.frames import continuous
 from skyarm.log.flight_log import Log
 from skyarm.log.tip_positions import yaw_quaternion
-from skyarm.records.arrays import Array, doubles, lengths
+from skyarm.records.arrays import Array, lengths
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
-from skyarm.reference.tip_motion import TipPush
 from skyarm.scenario.scenario_record import cameras_of
 from skyarm.simulate.drawn_scenario import drawn_scenario
 from skyarm.view.figures.flight_facts import (
@@ -26,7 +26,13 @@ from skyarm.view.figures.flight_facts import (
     flight_labels,
     vehicle_logs,
 )
-from skyarm.view.picture.frames import COLORS, Color, FlightFrames, patch_about
+from skyarm.view.picture.frames import (
+    COLORS,
+    Color,
+    FlightFrames,
+    patch_about,
+    tip_error,
+)
 from skyarm.world.component import Component
 from skyarm.world.scene.component_scenes import scene_in_log, scenes_of
 from skyarm.world.scene.scene import Instants, Scene
@@ -126,8 +132,9 @@ def _resample(
     }
     # an angle that jumps by a turn would be interpolated through all between
     yaw = read(log.time, np.unwrap(log.yaw_reference)[:, None], times)[:, 0]
-    push, whole = getattr(agent.reference, "push", None), log.status == "completed"
-    error, contact = _error(log, push), applied_force(log)
+    whole = log.status == "completed"
+    error = lengths(tip_error(agent, log.time, log.tip, log.tip_reference))
+    contact = applied_force(log)
     return FilmedFlight(
         label=label,
         color=color,
@@ -178,16 +185,6 @@ def _with_scenes(team: Sequence[FilmedFlight], log: Log) -> Iterator[FilmedFligh
         yield replace(each, scene=scene, cameras=cameras)
 
 
-def _error(log: Log, push: TipPush | None) -> Array:
-    """Tip error (m) over time; during a commanded push, only its part perpendicular to
-    the surface normal.
-    """
-    away = log.tip - log.tip_reference
-    if push is not None:
-        away = push.across(away, log.time, log.tip)
-    return lengths(away)
-
-
 def _scene(log: Log, components: Sequence[Component[Tree]], seen: Instants) -> Scene:
     """Surfaces, objects and contact forces at a film's frames, interpolated from a
     log.
@@ -221,15 +218,3 @@ def read(time: Array, values: Array, times: Array) -> Array:
     """
     columns = [np.interp(times, time, column) for column in values.T]
     return np.stack(columns, axis=1) if columns else np.zeros((len(times), 0))
-
-
-def continuous(quaternion: Array) -> Array:
-    """Flip signs of a quaternion series (N, 4) so that it is continuous, for
-    interpolation.
-    """
-    # q and -q are one attitude, and their mean is none
-    same = np.einsum("ni,ni->n", quaternion[1:], quaternion[:-1]) >= 0.0
-    sign = np.concatenate([[1.0], np.cumprod(np.where(same, 1.0, -1.0))])[
-        : len(quaternion)
-    ]
-    return doubles(quaternion * sign[:, None])

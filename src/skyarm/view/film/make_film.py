@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +22,7 @@ from skyarm.view.film.camera_paths import CAMERAS, camera_named, hides
 from skyarm.view.film.captions import Box, Captions, FrameLayout, frame_layout
 from skyarm.view.film.filmed_flight import FilmedFlight, film_flights
 from skyarm.view.film.insets import insets_of, put_inset
-from skyarm.view.film.video_files import require_film_format
+from skyarm.view.film.video_files import FILM_FORMATS, require_film_format
 from skyarm.view.picture.frames import Flights, by_flight
 from skyarm.view.picture.marks import ghost_solids, marks_of, vehicle_solids
 from skyarm.view.picture.mujoco_sink import CameraPath, FramePanel, open_stage
@@ -56,9 +57,7 @@ def make_film(
     """
     chosen = settings or FilmSettings()
     path = Path(file)
-    write = require_film_format(path)
-    if write is None:
-        raise TypeError("a film without a writer")
+    write = FILM_FORMATS[require_film_format(path)]
     logs = [flights] if isinstance(flights, Log) else list(flights)
     times = frame_times(logs, chosen)
     filmed = film_flights(logs, times, labels)
@@ -305,21 +304,14 @@ def size_of(text: str) -> tuple[int, int]:
     Raises:
         ValueError: one line.
     """
-    width, _, height = text.lower().partition("x")
-    if (
-        not (
-            width.isascii()
-            and width.isdigit()
-            and height.isascii()
-            and height.isdigit()
-        )
-        # no size has so many digits, and int() of a long text takes long
-        or len(text) > 12
-    ):
+    edges = re.fullmatch("([0-9]+)x([0-9]+)", text.lower())
+    # no size has so many digits, and int() of a long text takes long
+    if not edges or len(text) > 12:
         raise ValueError(
             f"size = {shown(text)}: must be WIDTHxHEIGHT in pixels, such as 1280x720"
         )
-    size, bounds = (int(width), int(height)), units(FilmSettings)["width"]
+    size = int(edges[1]), int(edges[2])
+    bounds = units(FilmSettings)["width"]
     if not all(bounds.low <= side <= bounds.high and side % 2 == 0 for side in size):
         raise ValueError(
             f"size = {shown(text)}: must be even numbers from {bounds.low:g} to"

@@ -173,7 +173,8 @@ def _serialize(
     progress: Progress | None,
 ) -> bytes:
     """Build a 3D scene of flights and play it once; returns the recording as bytes."""
-    server, shifts = _Stage(), _shifts(flights, settings)
+    server = _Stage()
+    shifts = _shifts(flights, settings)
     _surroundings(server, flights, shifts, times, settings)
     vehicles = [
         _RecordedFlight(server.scene, f"/flight{i + 1}", flight, shift, settings)
@@ -241,11 +242,7 @@ class _RecordedFlight:
         spots = [each.spot for each in flight.scene.arrows] or [flight.position]
         reached = np.array([np.min(spots, axis=(0, 1)), np.max(spots, axis=(0, 1))])
         colors = [bytes_of(TOUCH)] * len(flight.scene.arrows)
-        self._touches = (
-            Arrows(scene, f"{root}/touches", colors, 0.035 * reach, reached)
-            if colors
-            else None
-        )
+        self._touches = Arrows(scene, f"{root}/touches", colors, 0.035 * reach, reached)
         self._lines = LineNodes(scene, f"{root}/lines")
         self._world = SolidNodes(scene, f"{root}/solids", paint)
         self._every = max(1, round(settings.fps / WORDS_PER_SECOND))
@@ -273,16 +270,15 @@ class _RecordedFlight:
             self._wind.point(
                 np.array([[self._wind_to - 0.9 * self._reach * along, self._wind_to]])
             )
-        if self._touches is not None:
-            ends = touch_arrows(flight.scene.arrows, k, TOUCH_PER_NEWTON, LONGEST_TOUCH)
-            # millimetres: every digit of a force that trembles costs bytes in each
-            # frame
-            self._touches.point(np.round(ends, COARSE))
+        ends = touch_arrows(flight.scene.arrows, k, TOUCH_PER_NEWTON, LONGEST_TOUCH)
+        # millimetres: every digit of a force that trembles costs bytes in each frame
+        self._touches.point(np.round(ends, COARSE))
         self._world.place(flight.scene.solids, k)
         self._lines.place(flight.scene.lines, k)
 
     def _text(self, k: int) -> str:
-        flight, time = self._flight, float(self._flight.times[k])
+        flight = self._flight
+        time = float(flight.times[k])
         wind = wind_words(flight, k) if time < flight.end else ""
         return f"{flight.label}: {state_words(flight, time, k)}" + (
             f", {wind}" if wind else ""

@@ -122,25 +122,24 @@ FILM_FORMATS: dict[str, Writer] = {"mp4": write_mp4, "webp": write_webp}
 rate, number of frames) -> path."""
 
 
-def require_film_format(path: Path, others: tuple[str, ...] = ()) -> Writer | None:
-    """Return the video writer for a file's suffix (None for a suffix in ``others``), or
-    raise an error.
+def require_film_format(path: Path, others: tuple[str, ...] = ()) -> str:
+    """Return a file's suffix if it is that of a film or one of ``others``, or raise an
+    error.
 
     Raises:
         ValueError: no such format, or its library is missing.
     """
     suffix = path.suffix.removeprefix(".").lower()
-    if suffix in others:
-        return None
-    if suffix not in FILM_FORMATS:
+    allowed = (*FILM_FORMATS, *others)
+    if suffix not in allowed:
         raise ValueError(
             f"film = {shown(path)}: suffix {shown(suffix)}:"
-            f" {must_be_one_of((*FILM_FORMATS, *others), suffix)}"
+            f" {must_be_one_of(allowed, suffix)}"
         )
     # before any picture is computed, so that a missing package is said at once
     if suffix == "mp4":
         import_av()
-    return FILM_FORMATS[suffix]
+    return suffix
 
 
 def usual_size_and_rate(path: Path) -> tuple[int, int, int]:

@@ -7,7 +7,6 @@ time. Those of a log are resampled by :mod:`skyarm.view.film.filmed_flight`.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
@@ -16,6 +15,7 @@ from typing import Any, SupportsFloat
 
 import numpy as np
 
+from skyarm.algebra import Scalar
 from skyarm.dynamics import State
 from skyarm.log.tip_positions import level_tip, tip, yaw_quaternion
 from skyarm.plant.loads import wind_at
@@ -135,9 +135,12 @@ def frames_now(
         about: (K, 3) m, places about which planes are drawn; about the desired tip, of
             their usual size, if left out.
     """
-    scenario, count = inputs.scenario, len(times)
+    scenario = inputs.scenario
+    count = len(times)
     ((around, motion),) = Stages(scenario).around(now, time)
-    vehicle, state, wind = scenario.agent.vehicle, motion.state, wind_at(around, motion)
+    vehicle = scenario.agent.vehicle
+    state = motion.state
+    wind = wind_at(around, motion)
 
     def still(numbers: Iterable[SupportsFloat]) -> Array:
         return np.tile(float_array(numbers), (count, 1))
@@ -193,9 +196,23 @@ def goal_of(agent: Agent, time: float) -> Placed:
     and joints on its reference.
     """
     desired = agent.reference.at(time)
-    half = 0.5 * float(desired.yaw)
-    level = math.cos(half), 0.0, 0.0, math.sin(half)
+    (level,) = yaw_quaternion(float_array([desired.yaw]))
     return place(agent.vehicle, tuple(desired.position), level, desired.joints)
+
+
+def tip_error(agent: Agent, time: Scalar, tip: Array, desired: Array) -> Array:
+    """Offset (..., 3) of the tip from its reference, m; during a commanded push only
+    its part across the nominal normal of the surface.
+
+    Args:
+        agent: vehicle with its reference.
+        time: s, one instant or (N,).
+        tip: position of the tip, (..., 3) m.
+        desired: its reference, (..., 3) m.
+    """
+    away = tip - desired
+    push = getattr(agent.reference, "push", None)
+    return away if push is None else push.across(away, time, tip)
 
 
 def scenes_at(
@@ -216,7 +233,8 @@ def scenes_at(
         around: (3,) m, place about which planes are drawn.
         attached: as of :func:`skyarm.world.scene.component_scenes.scenes_of`.
     """
-    agents, names = scenario.agents.values(), tuple(scenario.agents)
+    agents = scenario.agents.values()
+    names = tuple(scenario.agents)
     motions = motions_of(
         [each.plant for each in agents], [own.state for own in now.agents], names
     )

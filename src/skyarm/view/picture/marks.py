@@ -207,19 +207,16 @@ def marks_of(
             still += desired_path(flight, THIN * scale)
 
     def at(k: int) -> list[Stroke]:
-        moving = [
-            mark for flight in flights for mark in trail(flight, k, THICK * scale)
-        ]
-        touching = [
-            mark for flight in flights for mark in touch_marks(flight, k, reach)
-        ]
-        drawn = [
-            line for flight in flights for line in scene_lines(flight, k, THICK * scale)
-        ]
-        blowing = [
-            arrow for flight in flights for arrow in wind_arrow(flight, k, reach)
-        ]
-        return [*still, *moving, *drawn, *touching, *blowing]
+        marks = [*still]
+        for draw, size in (
+            (trail, THICK * scale),
+            (scene_lines, THICK * scale),
+            (touch_marks, reach),
+            (wind_arrow, reach),
+        ):
+            for flight in flights:
+                marks += draw(flight, k, size)
+        return marks
 
     return at
 
@@ -228,7 +225,8 @@ def vehicle_solids(flight: FlightFrames) -> list[Solid]:
     """Make the solids of a flight in a film: vehicle in the flight's colour, payloads
     and surroundings.
     """
-    paint, turns = paint_of(flight.color), rotor_turns(flight.vehicle, flight.tilts)
+    paint = paint_of(flight.color)
+    turns = rotor_turns(flight.vehicle, flight.tilts)
     shapes = *vehicle_shapes(flight.vehicle), *flight.scene.attached
     around = (
         replace(each, rgba=each.rgba or paint(each.shape.role))

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -17,10 +16,16 @@ import numpy as np
 from skyarm.plant.mujoco_model import KINDS, half_lengths
 from skyarm.records.arrays import Array, IntArray, Pixels
 from skyarm.records.immutable import positional
-from skyarm.vehicle.description import UPRIGHT
 from skyarm.view.picture.marks import Stroke
 from skyarm.view.picture.offscreen import offscreen
-from skyarm.world.scene.shapes import SURFACE, Shape, Solid, mesh_of, own_mesh
+from skyarm.world.scene.shapes import (
+    SURFACE,
+    Shape,
+    Solid,
+    in_own_axes,
+    mesh_of,
+    own_mesh,
+)
 
 FIELD_OF_VIEW = 40.0
 """Field of view (deg), from the lower to the upper edge of a panel."""
@@ -125,7 +130,9 @@ class Renderer:
         fine: bool,
         current: Callable[[], None],
     ) -> None:
-        self._panels, self._size, self._current = panels, (width, height), current
+        self._panels = panels
+        self._size = (width, height)
+        self._current = current
         self._model, self._meshes = _model(width, height, _meshes_of(panels), fine=fine)
         self._data = mujoco.MjData(self._model)
         mujoco.mj_forward(self._model, self._data)
@@ -307,13 +314,9 @@ def _meshes_of(panels: Sequence[FramePanel]) -> dict[MeshKey, Mesh]:
     shapes = {
         mesh_key(solid.shape): solid.shape for panel in panels for solid in panel.solids
     }
-    local = {
-        key: replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT)
-        for key, shape in shapes.items()
-    }
     meshes = {
-        key: mesh_of(each) if each.kind == "hole" else own_mesh(each)
-        for key, each in local.items()
+        key: mesh_of(in_own_axes(each)) if each.kind == "hole" else own_mesh(each)
+        for key, each in shapes.items()
     }
     return {key: mesh for key, mesh in meshes.items() if mesh is not None}
 

@@ -143,7 +143,8 @@ def _display(egl: ctypes.CDLL) -> tuple[int, int]:
         # a device without a driver for OpenGL must not hide a later one that has it
         if not display or not egl.eglInitialize(display, None, None):
             continue
-        config, count = (_Pointer * 1)(), ctypes.c_int()
+        config = (_Pointer * 1)()
+        count = ctypes.c_int()
         attributes = (ctypes.c_int * len(CONFIG))(*CONFIG)
         chosen = egl.eglChooseConfig(
             display, attributes, config, 1, ctypes.byref(count)
@@ -155,7 +156,8 @@ def _display(egl: ctypes.CDLL) -> tuple[int, int]:
 
 
 def _devices(egl: ctypes.CDLL) -> list[int]:
-    devices, count = (_Pointer * MOST_DEVICES)(), ctypes.c_int()
+    devices = (_Pointer * MOST_DEVICES)()
+    count = ctypes.c_int()
     query = _extension(
         egl, b"eglQueryDevicesEXT", ctypes.c_uint, ctypes.c_int, _Pointer, _Pointer
     )

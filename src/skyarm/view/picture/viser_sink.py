@@ -15,10 +15,9 @@ import numpy.typing as npt
 
 from skyarm.records.arrays import Array, lengths
 from skyarm.vehicle import BASE, Vehicle
-from skyarm.vehicle.description import UPRIGHT
 from skyarm.view.picture.marks import Paint
 from skyarm.world.scene.scene import Line
-from skyarm.world.scene.shapes import RGBA, Shape, Solid, mesh_of
+from skyarm.world.scene.shapes import RGBA, Shape, Solid, in_own_axes, mesh_of
 from skyarm.world.scene.vehicle_shapes import Poses, quaternions_of, vehicle_shapes
 
 if TYPE_CHECKING:
@@ -104,8 +103,7 @@ def add_shape(
         )
     if shape.kind == "patch":
         shape = replace(shape, kind="box", size=(*shape.size, THIN))
-    upright = replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT)
-    vertices, faces = mesh_of(upright, SEGMENTS[wires])
+    vertices, faces = mesh_of(in_own_axes(shape), SEGMENTS[wires])
     smooth = wires or shape.kind in ("sphere", "ellipsoid", "capsule")
     return scene.add_mesh_simple(
         name, vertices, faces, side="double", flat_shading=not smooth, **look, **at
@@ -241,7 +239,9 @@ class SolidNodes:
     """
 
     def __init__(self, scene: SceneApi, name: str, paint: Paint) -> None:
-        self._scene, self._name, self._paint = scene, name, paint
+        self._scene = scene
+        self._name = name
+        self._paint = paint
         self.root = scene.add_frame(name, show_axes=False)
         self._nodes: dict[str, tuple[MovingNode, tuple[float, ...]]] = {}
 
@@ -250,14 +250,14 @@ class SolidNodes:
         for name in set(self._nodes) - {each.shape.name for each in solids}:
             self._nodes.pop(name)[0].node.remove()
         for solid in solids:
-            shape, name = solid.shape, solid.shape.name
+            shape = solid.shape
+            name = shape.name
             # a solid whose size changes is made anew, as a node gets poses only
             if name not in self._nodes or self._nodes[name][1] != shape.size:
-                upright = replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT)
                 node = add_shape(
                     self._scene,
                     f"{self._name}/{name}",
-                    upright,
+                    in_own_axes(shape),
                     solid.rgba or self._paint(shape.role),
                 )
                 self._nodes[name] = MovingNode(node), shape.size
@@ -276,7 +276,8 @@ class LineNodes:
     """
 
     def __init__(self, scene: SceneApi, name: str) -> None:
-        self._scene, self._name = scene, name
+        self._scene = scene
+        self._name = name
         self._nodes: dict[str, tuple[LineNode, npt.NDArray[np.float32]]] = {}
 
     def place(self, lines: Sequence[Line], k: int = 0) -> None:
@@ -308,7 +309,7 @@ class Arrows:
 
     Args:
         scene: scene of viser. name: name of the node.
-        colors: (N, 3) from 0 to 255, one an arrow.
+        colors: (N, 3) from 0 to 255, one an arrow; of no arrow there is no node.
         radius: radius of a shaft, m.
         reached: (2, 3) m: two places between which all arrows will be; a viewer may
             leave out what began elsewhere.
@@ -322,17 +323,18 @@ class Arrows:
         radius: float,
         reached: Array,
     ) -> None:
-        self._points = np.tile(reached, (len(colors), 1, 1)).astype(np.float32)
-        self._node = scene.add_arrows(
-            name,
-            self._points,
-            np.array(colors, np.uint8),
-            shaft_radius=radius,
-            head_radius=HEAD[0] * radius,
-            head_length=HEAD[1] * radius,
-            visible=False,
-        )
         self._acting = False
+        self._points = np.tile(reached, (len(colors), 1, 1)).astype(np.float32)
+        if colors:
+            self._node = scene.add_arrows(
+                name,
+                self._points,
+                np.array(colors, np.uint8),
+                shaft_radius=radius,
+                head_radius=HEAD[0] * radius,
+                head_length=HEAD[1] * radius,
+                visible=False,
+            )
 
     def point(self, ends: Array) -> None:
         """Draw arrows (N, 2, 3) from start to end point (m); those that are too short
@@ -353,4 +355,5 @@ class Arrows:
 
     def remove(self) -> None:
         """Remove the arrows from the scene."""
-        self._node.remove()
+        if len(self._points):
+            self._node.remove()

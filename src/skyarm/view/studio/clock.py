@@ -22,7 +22,9 @@ class Clock(ABC):
     """
 
     def __init__(self) -> None:
-        self.tick, self.playing, self.speed = 0, True, 1.0
+        self.tick = 0
+        self.playing = True
+        self.speed = 1.0
         self.furthest = 0
         self._due = 0.0
 
@@ -82,4 +84,5 @@ class Clock(ABC):
     def reset(self) -> None:
         """Restart playback from the first period."""
         self.tick = self.furthest = 0
-        self._due, self.playing = 0.0, True
+        self._due = 0.0
+        self.playing = True

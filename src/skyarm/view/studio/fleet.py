@@ -27,7 +27,7 @@ from skyarm.scenario.scenario_record import Agent, Scenario, ScenarioError, with
 from skyarm.simulate.session import Session, Snapshot, open_session
 from skyarm.vehicle import Vehicle
 from skyarm.view.studio.clock import Clock
-from skyarm.view.studio.knobs import LONGEST_DELAY, AdjustableNumber, knobs_of
+from skyarm.view.studio.knobs import LONGEST_DELAY, knobs_of
 from skyarm.view.studio.sights import PlottedInstant, sights
 from skyarm.world import NO_WIND, Fault, ForceWind, Gust
 
@@ -79,7 +79,8 @@ def _adjustable(agent: Agent, kind: str) -> Agent:
     """Add inactive actuator faults and, where the plant's kind of simulator varies it,
     the delay to a vehicle.
     """
-    named, vehicle = {fault.name for fault in agent.faults}, agent.vehicle
+    named = {fault.name for fault in agent.faults}
+    vehicle = agent.vehicle
     faults = [Fault(rotor=rotor.name) for rotor in vehicle.rotors]
     faults += [Fault(joint=joint.name) for joint in vehicle.joints]
     # a slider has the path of its fault: a name that two share would be ambiguous
@@ -129,7 +130,8 @@ class Fleet(Clock):
         super().__init__()
         plain = load_scenario(source)
         self.source = source
-        self.planned, self._duration = True, plain.duration
+        self.planned = True
+        self._duration = plain.duration
         # a scenario that cannot last longer ends where its file says
         with suppress(ValueError):
             longest = max(plain.duration, LONGEST)
@@ -140,7 +142,8 @@ class Fleet(Clock):
                 (a.reference, a.path_time) == (b.reference, b.path_time)
                 for a, b in pairs
             ):
-                self.planned, self._duration = False, longest
+                self.planned = False
+                self._duration = longest
         self.scenario = self.under(None)
         self.flights: list[Flight] = []
 
@@ -182,14 +185,14 @@ class Fleet(Clock):
         """
         if place is None and len(self.flights) == MOST:
             raise ScenarioError(f"laws = {MOST + 1}: must be at most {MOST} at once")
-        moved = self.flights[place or 0].moved if self.flights else {}
-        rate = self.flights[place or 0].rate if self.flights else self.rate
+        # of the first flight nothing was changed yet
+        other = self.flights[place or 0] if self.flights else flight
         try:
-            for number, values in moved.items():
+            for number, values in other.moved.items():
                 shared = {
                     path: value for path, value in values.items() if not is_of_law(path)
                 }
-                tick = flight.tick_at(number / rate)
+                tick = flight.tick_at(number / other.rate)
                 flight.to(tick)
                 if shared and flight.tick == tick and flight.session.running:
                     flight.move(shared)
@@ -348,8 +351,10 @@ class Flight:
     """
 
     def __init__(self, law: str | None, scenario: Scenario) -> None:
-        self.law, self.first = law, scenario
-        self.title, pushes = law or scenario.law_names, pushes_of(scenario).values()
+        self.law = law
+        self.first = scenario
+        self.title = law or scenario.law_names
+        pushes = pushes_of(scenario).values()
         self.knobs = knobs_of(scenario, pushes)
         numbers = ("peak.x", "peak.y", "peak.z", "start", "duration")
         self._paths = [knob.path for knob in self.knobs]
@@ -395,7 +400,8 @@ class Flight:
         """Present value of every parameter that differs from the scenario's or was set,
         by parameter path.
         """
-        values, now = self.numbers, self.session.scenario
+        values = self.numbers
+        now = self.session.scenario
         # numbers under another path, in replaced parts, or that follow from those
         if self.due or values:
             for knob in self.knobs:
@@ -504,6 +510,9 @@ class FlownAgent:
         first: scenario of its flight alone, as it began.
         title: name of the flight, and of several vehicles its own.
         sights: plotted quantities, oldest first.
+        own_knobs: adjustable parameters of the controller and its nominal model.
+        shared_knobs: those of vehicle, reference and environment, common to all
+            flights.
     """
 
     def __init__(self, flight: Flight, name: str) -> None:
@@ -512,21 +521,9 @@ class FlownAgent:
         self._of = prefix_of(flight.first, name)
         self.title = f"{flight.title}, {name}" if self._of else flight.title
         self.sights: list[PlottedInstant] = []
-        self._knobs = [
-            knob for knob in flight.knobs if agent_of(knob.path) in ("", name)
-        ]
-
-    @property
-    def own_knobs(self) -> list[AdjustableNumber]:
-        """Adjustable parameters of the controller and its nominal model."""
-        return [knob for knob in self._knobs if is_of_law(knob.path)]
-
-    @property
-    def shared_knobs(self) -> list[AdjustableNumber]:
-        """Adjustable parameters of vehicle, reference and environment, common to all
-        flights.
-        """
-        return [knob for knob in self._knobs if not is_of_law(knob.path)]
+        knobs = [each for each in flight.knobs if agent_of(each.path) in ("", name)]
+        self.own_knobs = [each for each in knobs if is_of_law(each.path)]
+        self.shared_knobs = [each for each in knobs if not is_of_law(each.path)]
 
     @property
     def vehicle(self) -> Vehicle:

@@ -112,9 +112,11 @@ def knobs_of(
         scenario: scenario of the flight.
         without: paths of forces that have no sliders.
     """
-    knobs, seen = list[AdjustableNumber](), set[Place]()
+    knobs = list[AdjustableNumber]()
+    seen = set[Place]()
     for name in scenario.agents:
-        one, of = scenario.of(name), prefix_of(scenario, name)
+        one = scenario.of(name)
+        of = prefix_of(scenario, name)
         # without its last two words it is the place of the force
         hidden = {places_of(one, f"{path}.point_B.x")[0][:-2] for path in without}
         for group, word in _paths(one):
@@ -129,7 +131,8 @@ def knobs_of(
             ):
                 continue
             seen |= names
-            value, declared = number_at(one, word), declared_at(one, word)
+            value = number_at(one, word)
+            declared = declared_at(one, word)
             if math.isfinite(value) and (
                 declared.unit != "s" or group in ("delay", "law")
             ):

@@ -145,7 +145,6 @@ class Page(PageLoop):
         super().__init__(server, "machine code")
         self._out = out
         self._moves: dict[int | None, dict[str, float]] = {}
-        self.fleet, self.agent = fleet, next(iter(fleet.scenario.agents))
         self._making = 0
         self._turn = 0
         self._due = list[int]()
@@ -153,7 +152,7 @@ class Page(PageLoop):
         self._controls = Controls(server.gui, self, [law or OWN for law in laws])
         self._panels: list[tuple[int | None, KnobPanel]] = []
         self._charts: list[Chart[PlottedInstant]] = []
-        self._begin(self.fleet, laws)
+        self._begin(fleet, laws)
 
     # orders, from any thread
 
@@ -246,7 +245,8 @@ class Page(PageLoop):
     def _begin(self, fleet: Fleet, laws: Sequence[str | None]) -> None:
         """Show a scenario at its initial state, and start compiling its flights."""
         scenario = fleet.scenario
-        self.fleet, self.agent = fleet, next(iter(scenario.agents))
+        self.fleet = fleet
+        self.agent = next(iter(scenario.agents))
         with self._server.atomic():
             # no flight is there whose values they could show, or that they could move
             self._clear_tabs()
@@ -266,7 +266,8 @@ class Page(PageLoop):
             words = ""
         except Exception as error:  # of a law of the user's own it may be any
             name = law or fleet.scenario.law_names
-            flight, words = None, f"{name}: {' '.join(str(error).split())}"
+            flight = None
+            words = f"{name}: {' '.join(str(error).split())}"
         self._orders.put(lambda: self._join(fleet, flight, place, words))
 
     def _join(
@@ -363,7 +364,8 @@ class Page(PageLoop):
         fleet = self.fleet
         lines = [f"**{literal(fleet.scenario.title or fleet.source)}**", fleet.words]
         for each, color in zip(self._vehicles, COLORS, strict=False):
-            last, lost = each.last, each.flight.lost
+            last = each.last
+            lost = each.flight.lost
             words = (
                 f"lost at {last.time:.2f} s: {lost}"
                 if lost

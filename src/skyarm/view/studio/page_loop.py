@@ -7,7 +7,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from typing import TYPE_CHECKING
 
 from skyarm.view.studio.controls import HERTZ, literal
@@ -51,7 +51,8 @@ class PageLoop(ABC):
         """Advance the flights and draw them, again and again, until :meth:`stop` is
         called.
         """
-        last, slow = time.perf_counter(), 0.0
+        last = time.perf_counter()
+        slow = 0.0
         try:
             while not self._stopped.is_set():
                 watched = bool(self._server.get_clients())
@@ -93,12 +94,9 @@ class PageLoop(ABC):
         """Execute the queued inputs of the browser tabs; an invalid one is reported on
         the page.
         """
-        while True:
-            try:
-                order = self._orders.get_nowait()
-            except Empty:
-                break
-            self._try(order)
+        # this thread alone takes orders, so one that is there stays there
+        while not self._orders.empty():
+            self._try(self._orders.get())
 
     def _try(self, work: Work) -> None:
         try:

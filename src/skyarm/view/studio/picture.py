@@ -119,8 +119,11 @@ class AgentNodes:
         state: State,
         first: Scene,
     ) -> None:
-        end, placed = f"{number + 1}{suffix}", poses_of(vehicle, state)
-        self._vehicle, self._lost, self._first = vehicle, False, number == 0
+        end = f"{number + 1}{suffix}"
+        placed = poses_of(vehicle, state)
+        self._vehicle = vehicle
+        self._lost = False
+        self._first = number == 0
         # the names of several flights stand above each other
         self._above = np.array([0.0, 0.0, 0.16 + 0.08 * number])
         self._paint = tones_of(COLORS[number])
@@ -143,11 +146,7 @@ class AgentNodes:
         self._world = SolidNodes(scene, f"{STAGE}/scene{end}", self._paint)
         self._lines = LineNodes(scene, f"{STAGE}/lines{end}")
         touches = [TOUCH] * len(first.arrows)
-        self._touches = (
-            Arrows(scene, f"{STAGE}/touches{end}", touches, TOUCH_SHAFT, at)
-            if touches
-            else None
-        )
+        self._touches = Arrows(scene, f"{STAGE}/touches{end}", touches, TOUCH_SHAFT, at)
         self._place_scene(first)
         self.vehicle.place(placed.poses, turns_of(vehicle, state))
 
@@ -162,8 +161,7 @@ class AgentNodes:
         )
         self._world.place([*solids, *more])
         self._lines.place(scene.lines)
-        if self._touches is not None:
-            self._touches.point(touch_arrows(scene.arrows, 0, NEWTON))
+        self._touches.point(touch_arrows(scene.arrows, 0, NEWTON))
 
     def draw(
         self, agent: FlownAgent, state: State, scene: Scene, *, slow: bool
@@ -171,8 +169,10 @@ class AgentNodes:
         """Draw a vehicle in a state with its surroundings; returns the position (m) of
         its base.
         """
-        placed, flight = poses_of(self._vehicle, state), agent.flight
-        speeds, turns = float_array(state.rotor_speeds), turns_of(self._vehicle, state)
+        placed = poses_of(self._vehicle, state)
+        flight = agent.flight
+        speeds = float_array(state.rotor_speeds)
+        turns = turns_of(self._vehicle, state)
         self.vehicle.place(placed.poses, turns if flight.session.running else {})
         self._place_scene(scene, self._attached_mass(agent.hung_mass, placed))
         self._forces.point(
@@ -208,17 +208,16 @@ class AgentNodes:
 
     def remove(self) -> None:
         """Remove the vehicle's nodes from the scene."""
-        parts = (
+        for node in (
             self.vehicle,
             self._forces,
             self._trail,
             self._label,
             self._world,
             self._lines,
-        )
-        for node in (*parts, self._touches):
-            if node is not None:
-                node.remove()
+            self._touches,
+        ):
+            node.remove()
 
 
 def force_arrows(
@@ -235,19 +234,11 @@ def force_arrows(
     p = placed.positions[0]
     ends = []
     for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
-        hub = p + R @ np.array(floats(rotor.position))
-        axis = np.array(floats(rotor.axis))
+        hub = p + R @ float_array(rotor.position)
         turn = turns.get(disc_name(rotor.name), np.eye(3)[None])[0]
-        ends.append(
-            (
-                hub,
-                hub
-                + NEWTON
-                * float(rotor.thrust_coefficient)
-                * speed**2
-                * (R @ turn @ axis),
-            )
-        )
+        thrust = float(rotor.thrust_coefficient) * speed**2
+        axis = R @ turn @ float_array(rotor.axis)
+        ends.append((hub, hub + NEWTON * thrust * axis))
     above = p + np.array([0.0, 0.0, 0.22])
     ends += [(above - NEWTON * last.air, above), (p - NEWTON * last.pushed, p)]
     return np.array(ends)
@@ -278,7 +269,8 @@ class SightNodes:
     ) -> None:
         self._rows: list[tuple[str, int, CameraNode]] = []
         for name, (agent, sensor) in cameras_of(scenario).items():
-            (height, width), found = sensor.shape, sensor.intrinsics()
+            height, width = sensor.shape
+            found = sensor.intrinsics()
             if found is None:
                 continue
             body = sensor.body_of(scenario.vehicles[agent])
@@ -310,7 +302,8 @@ class StudioStage:
     """
 
     def __init__(self, server: ViserServer) -> None:
-        self._server, self._scene = server, server.scene
+        self._server = server
+        self._scene = server.scene
         self.follow = False
         self._frame = 0
         add_light(self._scene, 1.5)
@@ -361,7 +354,8 @@ class FleetPicture(StudioStage):
             nodes.remove()
         for ghost in self._ghosts:
             ghost.remove()
-        now, vehicles = first_loop_state(scenario), scenario.vehicles
+        now = first_loop_state(scenario)
+        vehicles = scenario.vehicles
         placed = [
             poses_of(*each)
             for each in zip(

@@ -61,7 +61,8 @@ class ErrorCurves:
         """Errors of the last seconds, or of a few prediction horizons if these are
         shorter.
         """
-        now, errors = self.replay.tick, self.errors()
+        now = self.replay.tick
+        errors = self.errors()
         count = round(min(seconds, SHOWN * self.replay.horizon) * RATE)
         every = -(-count // CURVE)
         # at multiples of the step, so that the curve stands still while it moves on
@@ -123,7 +124,8 @@ class PredictionReplay(Clock):
 
     def show(self, predicted: PredictedMotion, horizon: float) -> None:
         """Replace the prediction by one with another horizon (s)."""
-        self.horizon, self.model = horizon, predicted.model.at(self._times)
+        self.horizon = horizon
+        self.model = predicted.model.at(self._times)
         constant = predicted.held.at(self._times)
         self.errors = np.stack(distance_between(self.model, self.measured))
         self.held_errors = np.stack(distance_between(constant, self.measured))

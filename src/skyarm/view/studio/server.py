@@ -257,10 +257,9 @@ class Sieve:
             and buttons of the page.
     """
 
-    ALLOWED = ("GuiUpdateMessage", "ViewerCameraMessage")
-
     def __init__(self, connection: ServerConnection, inputs: Inputs) -> None:
-        self._connection, self._inputs = connection, inputs
+        self._connection = connection
+        self._inputs = inputs
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._connection, name)
@@ -282,13 +281,13 @@ class Sieve:
         try:
             message = msgspec.msgpack.decode(frame)
             kind = message["type"]
-            if kind not in self.ALLOWED:
-                return None
             if kind == "ViewerCameraMessage":
                 return frame if _is_camera(message) else None
-            if set(message) != {"type", "uuid", "updates"} or set(
-                message["updates"]
-            ) != {"value"}:
+            if (
+                kind != "GuiUpdateMessage"
+                or set(message) != {"type", "uuid", "updates"}
+                or set(message["updates"]) != {"value"}
+            ):
                 return None
             value = self._value(message["uuid"], message["updates"]["value"])
         except (
@@ -309,7 +308,8 @@ class Sieve:
             ValueError, KeyError: it does not, or there is no such input.
         """
         handle = self._inputs["server"].gui._gui_input_handle_from_uuid[uuid]
-        current, props = handle._impl.value, handle._impl.props
+        current = handle._impl.value
+        props = handle._impl.props
         # booleans and texts have no limits, but menus have options
         if isinstance(current, (bool, str)):
             options = getattr(props, "options", None)

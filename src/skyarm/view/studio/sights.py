@@ -8,22 +8,16 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import SupportsFloat
 
-import numpy as np
-
-from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.loads import wind_at
-from skyarm.plant.surroundings import Surroundings
-from skyarm.records.arrays import Array, norm
+from skyarm.records.arrays import Array, float_array, norm
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree
-from skyarm.scenario.scenario_record import Agent
 from skyarm.simulate.session import Session
 from skyarm.simulate.stages import Stages
 from skyarm.vehicle import Vehicle
-from skyarm.view.picture.frames import goal_of, poses_of
+from skyarm.view.picture.frames import goal_of, poses_of, tip_error
 from skyarm.world.component import Component
-from skyarm.world.scene.shapes import floats
 
 
 @positional
@@ -66,55 +60,42 @@ def sights(session: Session) -> list[PlottedInstant]:
     """Compute the plotted quantities of each vehicle of a simulation session at its
     current time, in order.
     """
-    scenario, now, time = session.scenario, session.now, session.time
-    rows = zip(
+    scenario = session.scenario
+    now = session.now
+    time = session.time
+    plotted = []
+    for agent, own, (around, motion) in zip(
         scenario.agents.values(),
         now.agents,
         Stages(scenario).around(now, time),
         strict=True,
-    )
-    return [
-        _sight(session.tick, time, agent, own.queue[-1], *around)
-        for agent, own, around in rows
-    ]
-
-
-def _sight(
-    tick: int,
-    time: float,
-    agent: Agent,
-    command: Command,
-    around: Surroundings,
-    motion: PointMotion,
-) -> PlottedInstant:
-    """Compute the plotted quantities of one vehicle at an instant (s), given the last
-    command of its law.
-    """
-    vehicle, state, outside = agent.vehicle, motion.state, wind_at(around, motion)
-    placed = poses_of(vehicle, state)
-    upward = float(placed.rotations[0, 2, 2])
-    away = placed.tip - goal_of(agent, time).tip
-    push = getattr(agent.reference, "push", None)
-    if push is not None:
-        away = push.across(away, time, placed.tip)
-    return PlottedInstant(
-        tick=tick,
-        time=time,
-        tip=placed.tip,
-        error=norm(away),
-        tilt=(
-            # a lost vehicle's attitude may be no number: it counts as upside down
-            math.acos(min(1.0, max(-1.0, upward))) if math.isfinite(upward) else math.pi
-        ),
-        efforts=_efforts(vehicle, command.efforts),
-        rotors=tuple(
-            float(w) / float(r.max_speed)
-            for w, r in zip(state.rotor_speeds, vehicle.rotors, strict=True)
-        ),
-        air=np.array(floats(outside.air_velocity_W)),
-        pushed=np.array(floats(outside.force_W)),
-        contacts=contact_forces(around.components, around.memories, motion),
-    )
+    ):
+        vehicle = agent.vehicle
+        outside = wind_at(around, motion)
+        placed = poses_of(vehicle, motion.state)
+        upward = float(placed.rotations[0, 2, 2])
+        away = tip_error(agent, time, placed.tip, goal_of(agent, time).tip)
+        speeds = zip(motion.state.rotor_speeds, vehicle.rotors, strict=True)
+        plotted.append(
+            PlottedInstant(
+                tick=session.tick,
+                time=time,
+                tip=placed.tip,
+                error=norm(away),
+                tilt=(
+                    math.acos(min(1.0, max(-1.0, upward)))
+                    # a lost vehicle's attitude may be no number: upside down
+                    if math.isfinite(upward)
+                    else math.pi
+                ),
+                efforts=_efforts(vehicle, own.queue[-1].efforts),
+                rotors=tuple(float(w) / float(r.max_speed) for w, r in speeds),
+                air=float_array(outside.air_velocity_W),
+                pushed=float_array(outside.force_W),
+                contacts=contact_forces(around.components, around.memories, motion),
+            )
+        )
+    return plotted
 
 
 OTHER = {"contact_force": 0, "collision_force": 2}

@@ -129,6 +129,11 @@ def in_place(shape: Shape, at: Frame | Surface) -> Shape:
     return replace(shape, position=floats(at.position), rotation=(a, b, c))
 
 
+def in_own_axes(shape: Shape) -> Shape:
+    """Shape at the origin of its own axes, which a solid or a scene node places."""
+    return replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT)
+
+
 def shape_between(
     name: str,
     role: str,
