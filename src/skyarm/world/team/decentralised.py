@@ -25,7 +25,8 @@ from skyarm.algebra.scalars import data, maximum
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, as_data
 from skyarm.records.units import Unit, nonnegative, positive
-from skyarm.world.team.team import Sharing, TeamInputs, carry_of
+from skyarm.reference.carry import Carry
+from skyarm.world.team.team import Sharing, TeamInputs
 
 
 @immutable
@@ -120,12 +121,15 @@ class Decentralised(Sharing):
                 )
             )
             after.append(moved)
-            shift = (moved.offset, moved.rate, bend)
             holding = inputs.holding
-            borne = state.mass * share * holding
-            carries.append(
-                carry_of(
-                    holding, shift, -asking * holding, settling=self.filter, mass=borne
-                )
+            carry = Carry(
+                held=holding,
+                force=-asking * holding,
+                offset=moved.offset,
+                offset_rate=moved.rate,
+                offset_acceleration=bend,
+                settling=self.filter,
+                mass=state.mass * share * holding,
             )
+            carries.append(carry.numbers)
         return tuple(after), tuple(carries)

@@ -64,13 +64,13 @@ from skyarm.records.coerce import RecordError, absent
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, as_data
 from skyarm.records.units import Unit, nonnegative, positive
+from skyarm.reference.carry import Carry
 from skyarm.reference.object_motion import BodyMotion
 from skyarm.world.component import Column, shorten
 from skyarm.world.team.team import (
     NO_TILT,
     Sharing,
     TeamInputs,
-    carry_of,
     columns_of_labels,
     require_whole_periods,
     weight_of,
@@ -460,25 +460,26 @@ class ObjectWrench(Sharing):
                 planned,
                 strict=True,
             )
-            moves = [s + (there - here) for s, there, here in aside]
+            offset, rate, acceleration = (
+                s + (there - here) for s, there, here in aside
+            )
             moment = moments[i] * share
-            of_moment = (moment - inputs.moments[i]) * (
+            carry = Carry(
+                held=h,
+                force=-forces[i] * h,
+                moment=-moment,
+                forgotten_force=(excess[i] - tilted[i] * (1.0 - TILTING)) * blind,
+                forgotten_moment=(moment - inputs.moments[i])
                 # only a fixed grasp has a moment that its observer may forget
-                h * self.blind_moments if member.kind == "fixed" else 0.0
+                * (h * self.blind_moments if member.kind == "fixed" else 0.0),
+                offset=offset,
+                offset_rate=rate,
+                offset_acceleration=acceleration,
+                heading=course.heading,
+                settling=w,
+                mass=moved_masses[i] * h,
             )
-            forgotten = (excess[i] - tilted[i] * (1.0 - TILTING)) * blind, of_moment
-            carries.append(
-                carry_of(
-                    h,
-                    moves,
-                    -forces[i] * h,
-                    -moment,
-                    forgotten,
-                    course.heading,
-                    w,
-                    moved_masses[i] * h,
-                )
-            )
+            carries.append(carry.numbers)
         eases = (
             ease + (clip(ease * ratio, LEAST_EASE, 1.0) - ease) * (EASING * dt)
             for ease, ratio in zip(own.eases, ratios, strict=True)
