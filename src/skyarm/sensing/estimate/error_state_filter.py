@@ -29,7 +29,7 @@ from skyarm.dynamics.actuators import Command, tilting
 from skyarm.dynamics.actuators.rotor import speeds_after
 from skyarm.records.coerce import RecordError
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import blend
+from skyarm.records.leaves import as_data, blend
 from skyarm.sensing.estimate.error_state import (
     Covariance,
     Navigated,
@@ -196,17 +196,11 @@ class ErrorStateFilter(FilterNumbers):
             self.vehicle.rotors, memory.rotor_speeds, command.rotor_speeds, dt
         )
         # before the first step the rotors are taken at their commanded speeds
-        speeds = tuple(
-            data(where(started, a, b))
-            for a, b in zip(turned, command.rotor_speeds, strict=True)
-        )
+        speeds = blend(started, turned, as_data(command.rotor_speeds))
         if not self.uses_model:
             return replace(memory, rotor_speeds=speeds)
         belief, joints = memory.belief, memory.joints
-        old = tuple(
-            where(started, a, b)
-            for a, b in zip(memory.rotor_speeds, speeds, strict=True)
-        )
+        old = blend(started, memory.rotor_speeds, speeds)
         rate = imu.rate - belief.gyro_bias
         velocity = belief.quaternion.rotation().apply_T(belief.velocity) - rate.cross(
             self.lever
@@ -310,13 +304,8 @@ class ErrorStateFilter(FilterNumbers):
         if joints:
             # without a bandwidth joints are as the encoders read them
             read = self.joint_bandwidth <= 0.0
-            joints = tuple(
-                where(read, a, b) for a, b in zip(encoders.joints, joints, strict=True)
-            )
-            rates = tuple(
-                where(read, a, b)
-                for a, b in zip(encoders.joint_rates, rates, strict=True)
-            )
+            joints = blend(read, encoders.joints, joints)
+            rates = blend(read, encoders.joint_rates, rates)
         return Measurement(
             time=data(imu.time),
             position=present.position,
