@@ -18,7 +18,7 @@ from skyarm.algebra import (
 )
 from skyarm.algebra.quaternion import euler_angles
 from skyarm.algebra.scalars import cos, sin
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import checked
 from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.path_names import Names, NumberView, field_paths
 from skyarm.records.units import Unit
@@ -29,6 +29,7 @@ ANGLES = ("roll", "pitch", "yaw")
 
 
 @immutable
+@checked("state", often=True)
 class State:
     """State of a vehicle: all quantities that the simulation integrates."""
 
@@ -54,20 +55,6 @@ class State:
     tilts: Annotated[Scalars, Unit("rad", "angles of the tilting rotors")] = (
         field_if_any(default=())
     )
-
-    def __post_init__(self) -> None:
-        # made at every stage of the integrator: what holds vectors and tuples already
-        # is not looked at
-        vectors = type(self.position) is type(self.velocity) is type(self.rate) is Vec3
-        tuples = (
-            type(self.joints)
-            is type(self.joint_rates)
-            is type(self.rotor_speeds)
-            is type(self.tilts)
-            is tuple
-        )
-        if not (vectors and tuples and type(self.quaternion) is Quaternion):
-            accept_fields(self, "state")
 
     @property
     def rotation(self) -> Mat3:

@@ -16,7 +16,7 @@ import numpy as np
 from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
 from skyarm.records import coerce
 from skyarm.records.arrays import AnyArray, Array
-from skyarm.records.field_rules import accept_fields, checked
+from skyarm.records.field_rules import checked
 from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.leaves import parts
 from skyarm.records.path_names import Names, field_paths
@@ -37,6 +37,7 @@ from skyarm.reference.tip_motion import TipMotion, TipPush, vector_derivatives
 
 
 @immutable
+@checked("reference", often=True)
 class Reference:
     """Desired motion at one instant, or at many instants with arrays in place of
     numbers.
@@ -127,33 +128,6 @@ class Reference:
         Scalars, Unit("", "part of a load that the tip takes over; empty: none")
     ] = ()
 
-    def __post_init__(self) -> None:
-        # made in every period: what holds vectors and tuples already is not looked at
-        vectors = {
-            type(self.position),
-            type(self.velocity),
-            type(self.acceleration),
-            type(self.jerk),
-            type(self.snap),
-        }
-        tuples = {
-            type(self.joints),
-            type(self.joint_rates),
-            type(self.joint_accelerations),
-            type(self.joint_jerks),
-            type(self.joint_snaps),
-            type(self.tip),
-            type(self.push),
-            type(self.load),
-            type(self.center),
-            type(self.turning),
-            type(self.ahead),
-            type(self.carry),
-        }
-        numbers = {type(self.yaw), type(self.yaw_rate), type(self.yaw_acceleration)}
-        if vectors != {Vec3} or tuples != {tuple} or not numbers <= PLAIN_NUMBERS:
-            accept_fields(self, "reference")
-
     def map_scalars(self, function: Callable[[Scalar], Scalar]) -> Reference:
         """Copy of the reference with a function applied to every number."""
         values: dict[str, Any] = {}
@@ -175,9 +149,6 @@ class Reference:
             lambda value: float(value) if isinstance(value, int | float) else value
         )
 
-
-PLAIN_NUMBERS = {float, int}
-"""Types of plain numbers, which need no further check."""
 
 VECTORS = ("position", "velocity", "acceleration", "jerk", "snap")
 """Fields of the base position and its first four derivatives."""

@@ -14,7 +14,7 @@ from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics import State
 from skyarm.dynamics.state import example_state
 from skyarm.records.coerce import absent
-from skyarm.records.field_rules import accept_fields, checked
+from skyarm.records.field_rules import checked
 from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.leaves import Tree, leaves
 from skyarm.records.units import Unit, nonnegative
@@ -36,6 +36,7 @@ class Image:
 
 
 @immutable
+@checked("measurement", often=True)
 class Measurement:
     """Measurement that a control law receives: pose, velocities, specific force,
     joints, rotors.
@@ -81,35 +82,6 @@ class Measurement:
         tuple[Image, ...],
         Unit("", "newest picture of each camera that the law sees, in its order"),
     ] = field_if_any(default=())
-
-    def __post_init__(self) -> None:
-        # made in every period: what holds vectors and tuples already is not looked at
-        vectors = (
-            type(self.position)
-            is type(self.velocity)
-            is type(self.rate)
-            is type(self.specific_force)
-            is Vec3
-        )
-        tuples = (
-            type(self.joints)
-            is type(self.joint_rates)
-            is type(self.rotor_speeds)
-            is type(self.tilts)
-            is tuple
-        )
-        tuples = (
-            tuples
-            and type(self.tip_force) is type(self.switches) is type(self.holds) is tuple
-            and type(self.images) is tuple
-        )
-        if not (
-            vectors
-            and tuples
-            and type(self.quaternion) is Quaternion
-            and type(self.time) in (float, int)
-        ):
-            accept_fields(self, "measurement")
 
     @property
     def rotation(self) -> Mat3:

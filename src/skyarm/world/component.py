@@ -25,7 +25,7 @@ from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add, divide, maximum, mul, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import checked
 from skyarm.records.files import errors_as
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, leaves, rebuild
@@ -48,6 +48,7 @@ takes minutes to compile."""
 
 
 @immutable
+@checked("wrench", often=True)
 class Wrench:
     """Force and torque on one body of a vehicle.
 
@@ -66,17 +67,6 @@ class Wrench:
     body: int = BASE
     agent: str = ""
     acts: Scalar = 1
-
-    def __post_init__(self) -> None:
-        # made at every stage of the integrator: what holds vectors already is not
-        # looked at
-        if not (
-            type(self.force_W) is type(self.torque_W) is type(self.point) is Vec3
-            and type(self.body) is int
-            and type(self.acts) in (int, float)
-            and type(self.agent) is str
-        ):
-            accept_fields(self, "wrench")
 
 
 Memory = TypeVar("Memory", bound=Tree)
