@@ -690,16 +690,7 @@ class Contact(ContactSteps):
         """
         from skyarm.world.contact.contact_scene import contact_scene
 
-        return contact_scene(
-            seen,
-            self.surfaces,
-            self.points,
-            self.objects,
-            self.mechanisms,
-            self.grasps,
-            self.vehicle_bodies,
-            self.body_pairs,
-        )
+        return contact_scene(self, seen)
 
     def warnings(self, vehicle: Vehicle, step: float) -> Sequence[str]:
         """Warnings about contact that needs very short steps, and about ball grippers
