@@ -23,7 +23,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
 
-from skyarm.algebra import ZERO3, Motion, Scalar, Vec3
+from skyarm.algebra import ZERO3, ZERO3_DATA, Motion, Scalar, Vec3
 from skyarm.algebra.scalars import data, exp, logical_and, logical_not, where
 from skyarm.dynamics.actuators import Command, tilting
 from skyarm.dynamics.actuators.rotor import speeds_after
@@ -110,11 +110,12 @@ class ErrorStateFilter(FilterNumbers):
         """
         # the present, and the periods by which the filter lags behind it
         still, waiting = (0.0,) * vehicle.n, self.delay_periods + 1
-        zero = Vec3(0.0, 0.0, 0.0)
         return FilterMemory(
             started=0.0,
             belief=(
-                replace(BLANK_BELIEF, push=zero) if self.uses_model else BLANK_BELIEF
+                replace(BLANK_BELIEF, push=ZERO3_DATA)
+                if self.uses_model
+                else BLANK_BELIEF
             ),
             covariance=self.first_covariance(),
             inertial=(BLANK_INERTIAL,) * waiting,
@@ -122,13 +123,13 @@ class ErrorStateFilter(FilterNumbers):
                 (BLANK_READINGS[kind],) * waiting for kind in AIDS[self.aiding]
             ),
             joints=FilteredJoints(joints=still, rates=still, read=0.0),
-            modelled=(zero,) * waiting if self.uses_model else (),
+            modelled=(ZERO3_DATA,) * waiting if self.uses_model else (),
             rotor_speeds=(0.0,) * len(vehicle.rotors),
             taken=0.0,
             refused=0.0,
             surprise=0.0,
             # without a lever no turning is needed: structure, which folds away
-            slow_rate=ZERO3 if at_origin(self.lever) else zero,
+            slow_rate=ZERO3 if at_origin(self.lever) else ZERO3_DATA,
         )
 
     def step(

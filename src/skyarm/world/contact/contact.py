@@ -49,7 +49,7 @@ cable's length, at the start."""
 
 P = TypeVar("P", ContactPoint, Gripper, Grasp, VehicleBody)
 
-STRAIGHT = Mat3(Vec3(1.0, 0.0, 0.0), Vec3(0.0, 1.0, 0.0), Vec3(0.0, 0.0, 1.0))
+STRAIGHT = as_data(Mat3.identity())
 """Rotation by no angle, whose entries may vary."""
 
 TIP = "tip"

@@ -12,7 +12,17 @@ from dataclasses import field, replace
 from functools import reduce
 from typing import Annotated
 
-from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra import (
+    E_X,
+    E_Y,
+    E_Z,
+    ZERO3,
+    ZERO3_DATA,
+    Quaternion,
+    Scalar,
+    Scalars,
+    Vec3,
+)
 from skyarm.algebra.scalars import (
     absolute,
     add,
@@ -49,9 +59,6 @@ STEP_SHARE = 0.7
 another speed than it came, and the work at its skin grows with (speed * step)^2. Thrown
 boxes, cylinders and balls of 3 g to 3 kg gain less than 0.1 % of energy (measured; 0.15
 % at a fraction of 1)."""
-
-REST = Vec3(0.0, 0.0, 0.0)
-"""Default of initial vectors: zeros that may vary, not structure."""
 
 LOGGED = (
     ("position", "xyz", "m", "middle, world axes,"),
@@ -123,7 +130,7 @@ class FreeObject(Carrier[ObjectMotion]):
         Unit(
             "m", "initial position of the middle of the shape, world axes", begins=True
         ),
-    ] = REST
+    ] = ZERO3_DATA
     angles: Annotated[
         Vec3,
         Unit(
@@ -131,14 +138,14 @@ class FreeObject(Carrier[ObjectMotion]):
             "initial roll, pitch, yaw: about x, then y, then z of the world",
             begins=True,
         ),
-    ] = REST
+    ] = ZERO3_DATA
     velocity: Annotated[
         Vec3,
         Unit("m/s", "initial velocity of the centre of mass, world axes", begins=True),
-    ] = REST
+    ] = ZERO3_DATA
     angular_velocity: Annotated[
         Vec3, Unit("rad/s", "initial angular velocity, world axes", begins=True)
-    ] = REST
+    ] = ZERO3_DATA
     standing: bool = False
     material: Material = field(default_factory=Material)
     mesh: str = field_if_any(default="")

@@ -339,7 +339,7 @@ def balance(pushes: Sequence[tuple[Vec3, Vec3]], weight: float) -> tuple[float, 
     # below 0: out of the lower side of a plate
     total = math.copysign(float(force.dot(force)) ** 0.5, float(force.z))
     if total == 0.0:
-        return -weight, Vec3(0.0, 0.0, 0.0)
+        return -weight, ZERO3
     across = Vec3(0.0, 0.0, weight) - force
     return total - weight * float(force.z) / total, moment + (
         middle * (1.0 / sizes)
