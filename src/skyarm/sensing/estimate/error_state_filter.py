@@ -112,11 +112,7 @@ class ErrorStateFilter(FilterNumbers):
         still, waiting = (0.0,) * vehicle.n, self.delay_periods + 1
         return FilterMemory(
             started=0.0,
-            belief=(
-                replace(BLANK_BELIEF, push=ZERO3_DATA)
-                if self.uses_model
-                else BLANK_BELIEF
-            ),
+            belief=replace(BLANK_BELIEF, push=ZERO3_DATA if self.uses_model else ZERO3),
             covariance=self.first_covariance(),
             inertial=(BLANK_INERTIAL,) * waiting,
             aiding=tuple(

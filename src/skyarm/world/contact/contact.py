@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from itertools import product, repeat
-from typing import TYPE_CHECKING, Annotated, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from skyarm.algebra import ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import sqrt, where
@@ -46,8 +46,6 @@ if TYPE_CHECKING:
 FARTHEST = 0.05
 """Largest distance (m) between a vehicle's frame and the place of its grasp, beyond a
 cable's length, at the start."""
-
-P = TypeVar("P", ContactPoint, Gripper, Grasp, VehicleBody)
 
 STRAIGHT = as_data(Mat3.identity())
 """Rotation by no angle, whose entries may vary."""
@@ -215,17 +213,13 @@ class Contact(ContactSteps):
 
     def of_agent(self, name: str) -> Contact:
         """Contact model with the points, grippers and grasps of one vehicle alone."""
-
-        def own(parts: tuple[P, ...]) -> tuple[P, ...]:
-            return tuple(each for each in parts if each.agent in ("", name))
-
-        return replace(
-            self,
-            points=own(self.points),
-            grippers=own(self.grippers),
-            grasps=own(self.grasps),
-            vehicle_bodies=own(self.vehicle_bodies),
-        )
+        own = {
+            kind: tuple(
+                each for each in getattr(self, kind) if each.agent in ("", name)
+            )
+            for kind in ("points", "grippers", "grasps", "vehicle_bodies")
+        }
+        return replace(self, **own)
 
     def touching(self, vehicle: Vehicle) -> set[int]:
         """Bodies of a vehicle (BASE or index of a link) that bear contact points,

@@ -69,13 +69,7 @@ class Spring:
             turn: rotation from the axes of the body to those of the frame that is to be
                 kept.
         """
-        aim = self.frame.rotation @ turn
-        error = ZERO3
-        for i in range(3):
-            # half the sum of the cross products of the axes is the rotation axis times
-            # the sine
-            error = error + self.body.rotation.column(i).cross(aim.column(i)) * 0.5
-        return error
+        return rotation_error(self.body.rotation, self.frame.rotation @ turn)
 
     def torque(self, error: Vec3, square: Scalar) -> Vec3:
         """Torque (N m) on the body against an error of its attitude; ``square`` is that
@@ -85,6 +79,17 @@ class Spring:
             error * self.stiffness
             + (self.frame.turning - self.body.turning) * self.damping
         ) * square
+
+
+def rotation_error(R: Mat3, aim: Mat3) -> Vec3:
+    """Rotation from an attitude to another: along its axis, of the sine of its angle.
+
+    It is half the sum of the cross products of the axes.
+    """
+    error = ZERO3
+    for i in range(3):
+        error = error + R.column(i).cross(aim.column(i)) * 0.5
+    return error
 
 
 def longest_step(square: Scalar, decay: Scalar, *, euler: bool) -> Scalar:

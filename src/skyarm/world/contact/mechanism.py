@@ -31,7 +31,7 @@ from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit, nonnegative, positive
-from skyarm.world.component import Column
+from skyarm.world.component import Column, moved_by
 from skyarm.world.contact.carrier import CarriedFrame, Carrier
 from skyarm.world.contact.material import (
     BRISTLE_STEP,
@@ -409,11 +409,7 @@ class Mechanism(Carrier[MechanismMotion]):
         self, memory: MechanismMotion, slope: MechanismMotion, dt: Scalar
     ) -> MechanismMotion:
         """State of the mechanism with its friction bristle advanced by ``dt`` (s)."""
-        bristle = tuple(
-            z + change * dt
-            for z, change in zip(memory.bristle, slope.bristle, strict=True)
-        )
-        return replace(memory, bristle=bristle)
+        return replace(memory, bristle=moved_by(memory.bristle, slope.bristle, dt))
 
     def kick(
         self, memory: MechanismMotion, slope: MechanismMotion, dt: Scalar

@@ -333,7 +333,7 @@ def _kind(part: Part) -> tuple[object, ...]:
     return part.shape.shape, part.shape.faces
 
 
-def no_touch(bristle: Vec3, depth: Scalar = -1e9, speed: Scalar = 0.0) -> BodyTouch:
+def no_touch(bristle: Vec3, depth: Scalar, speed: Scalar) -> BodyTouch:
     """Touch of two bodies that are apart: their bristle stands up."""
     return BodyTouch(
         force=ZERO3_DATA,

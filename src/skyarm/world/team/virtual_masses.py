@@ -27,6 +27,7 @@ from skyarm.reference.object_motion import PoseTrajectory
 from skyarm.reference.signals import Constant, Ramp, Signal, Sum
 from skyarm.reference.trajectory import Trajectory
 from skyarm.world.contact.grasp import KINDS
+from skyarm.world.contact.hold import rotation_error
 
 SMALL = 1e-9
 """Share of a trace that is added to a matrix, of which points on a line leave one
@@ -168,9 +169,7 @@ class VirtualMasses:
 
         Members on one line do not turn the body about it: that turn is left out.
         """
-        turn = ZERO3
-        for i in range(3):
-            turn = turn + R.column(i).cross(desired.column(i)) * 0.5
+        turn = rotation_error(R, desired)
         relative = self.from_middle(self.arms(desired))
         return self._turn(relative, [turn.cross(r) for r in relative])
 
