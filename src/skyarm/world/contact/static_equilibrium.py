@@ -587,7 +587,6 @@ def _meetings_of(contact: Contact) -> Callable[[Sequence[Tree]], list[Meeting]]:
     bodies = replace(contact, points=())
     step = contact.largest_step
     memory = bodies.start(1.0, ())
-    clock = (*memory.clock, 0.0)[0]
     return lambda motions: meetings_of(
-        bodies, motions, (), clock, memory.bristles, step
+        bodies, motions, (), memory.time, memory.bristles, step
     )
