@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from skyarm.algebra import ZERO3, Mat3, Scalar, Vec3
+from skyarm.algebra import Mat3, Scalar, Vec3
+from skyarm.algebra.matrix import orientation_error
 from skyarm.algebra.scalars import maximum, sqrt
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.immutable import immutable, positional
@@ -69,7 +70,7 @@ class Spring:
             turn: rotation from the axes of the body to those of the frame that is to be
                 kept.
         """
-        return rotation_error(self.body.rotation, self.frame.rotation @ turn)
+        return orientation_error(self.body.rotation, self.frame.rotation @ turn)
 
     def torque(self, error: Vec3, square: Scalar) -> Vec3:
         """Torque (N m) on the body against an error of its attitude; ``square`` is that
@@ -79,17 +80,6 @@ class Spring:
             error * self.stiffness
             + (self.frame.turning - self.body.turning) * self.damping
         ) * square
-
-
-def rotation_error(R: Mat3, aim: Mat3) -> Vec3:
-    """Rotation from an attitude to another: along its axis, of the sine of its angle.
-
-    It is half the sum of the cross products of the axes.
-    """
-    error = ZERO3
-    for i in range(3):
-        error = error + R.column(i).cross(aim.column(i)) * 0.5
-    return error
 
 
 def longest_step(square: Scalar, decay: Scalar, *, euler: bool) -> Scalar:

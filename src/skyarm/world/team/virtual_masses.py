@@ -19,6 +19,7 @@ from itertools import combinations
 from typing import Annotated
 
 from skyarm.algebra import ZERO3, Mat3, Scalar, Vec3, ldl_solve
+from skyarm.algebra.matrix import orientation_error
 from skyarm.algebra.scalars import divide, maximum, minimum, sqrt, where
 from skyarm.records import coerce
 from skyarm.records.immutable import field_if_any, immutable
@@ -27,7 +28,6 @@ from skyarm.reference.object_motion import PoseTrajectory
 from skyarm.reference.signals import Constant, Ramp, Signal, Sum
 from skyarm.reference.trajectory import Trajectory
 from skyarm.world.contact.grasp import KINDS
-from skyarm.world.contact.hold import rotation_error
 
 SMALL = 1e-9
 """Share of a trace that is added to a matrix, of which points on a line leave one
@@ -169,7 +169,7 @@ class VirtualMasses:
 
         Members on one line do not turn the body about it: that turn is left out.
         """
-        turn = rotation_error(R, desired)
+        turn = orientation_error(R, desired)
         relative = self.from_middle(self.arms(desired))
         return self._turn(relative, [turn.cross(r) for r in relative])
 
