@@ -454,12 +454,17 @@ def failure_words(trajectory: Trajectory, guard: Guard) -> str:
         for name, value in values.items()
         if value not in (None, "")
     ]
+    return (
+        f"{phase_words(trajectory, guard)}: {' or '.join(asked)} within"
+        f" {float(guard.timeout):g} s"
+    )
+
+
+def phase_words(trajectory: Trajectory, guard: Guard) -> str:
+    """Number and name, for messages, of the phase that a condition ends."""
     named = (
         trajectory.phases[guard.phase].name
         if guard.phase < len(trajectory.phases)
         else "guard"
     )
-    return (
-        f"phase {guard.phase} '{named}': {' or '.join(asked)} within"
-        f" {float(guard.timeout):g} s"
-    )
+    return f"phase {guard.phase} '{named}'"

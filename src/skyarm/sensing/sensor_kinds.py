@@ -36,7 +36,6 @@ from skyarm.algebra.scalars import (
 )
 from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError, absent, concrete
-from skyarm.records.files import errors_as, shown
 from skyarm.records.immutable import UNWRITTEN, immutable
 from skyarm.records.leaves import Tree, leaves
 from skyarm.records.units import Unit, nonnegative, positive
@@ -48,8 +47,9 @@ from skyarm.sensing.channel import (
     SampleRate,
 )
 from skyarm.sensing.sensor import NO_PUSH, Push, Sensor, at_origin
-from skyarm.vehicle import Vehicle, VehicleError
+from skyarm.vehicle import Vehicle
 from skyarm.vehicle.check import FARTHEST
+from skyarm.world.component import require_frame
 
 
 @immutable
@@ -433,8 +433,7 @@ class FramedSensor(ChannelSensor):
 
     def require_vehicle(self, vehicle: Vehicle) -> None:
         """Refuse a vehicle that lacks the sensor's frame."""
-        with errors_as(RecordError, f"frame = {shown(self.frame)}: ", VehicleError):
-            vehicle.frame(self.frame or None)
+        require_frame(vehicle, self.frame)
         ChannelSensor.require_vehicle(self, vehicle)
 
     def examples(self, vehicle: Vehicle) -> Quantities:

@@ -25,12 +25,13 @@ from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add, divide, maximum, mul, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
+from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import checked
-from skyarm.records.files import errors_as
+from skyarm.records.files import errors_as, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.records.units import Unit
-from skyarm.vehicle import BASE, Rotor, Vehicle
+from skyarm.vehicle import BASE, Rotor, Vehicle, VehicleError
 
 if TYPE_CHECKING:
     from skyarm.world.scene.scene import Instants, Scene
@@ -100,9 +101,9 @@ def require_frame(vehicle: Vehicle, frame: str) -> None:
     vehicle's tip.
 
     Raises:
-        ValueError: one line.
+        RecordError: one line.
     """
-    with errors_as(ValueError, f"frame = {frame!r}: "):
+    with errors_as(RecordError, f"frame = {shown(frame)}: ", VehicleError):
         vehicle.frame(frame or None)
 
 

@@ -25,7 +25,14 @@ from skyarm.records.immutable import UNWRITTEN, derived_field, field_if_any, imm
 from skyarm.records.leaves import as_data, rebuild
 from skyarm.records.units import Unit, nonnegative
 from skyarm.vehicle import Vehicle, VehicleError
-from skyarm.world.component import COLLISIONS, MOST_STEPS, Column, Wrench, moved_by
+from skyarm.world.component import (
+    COLLISIONS,
+    MOST_STEPS,
+    Column,
+    Wrench,
+    moved_by,
+    require_frame,
+)
 from skyarm.world.contact.carrier import NOBODY
 from skyarm.world.contact.contact_memory import ContactMemory
 from skyarm.world.contact.contact_point import ContactPoint, wrenches_on
@@ -283,10 +290,7 @@ class Contact(ContactSteps):
             for i, holder in enumerate(getattr(self, kind)):
                 vehicle = _vehicle_of(holder.agent, vehicles, f"world.{kind}[{i}]")
                 with errors_as(RecordError, f"world.{kind}[{i}]."):
-                    with errors_as(
-                        RecordError, f"frame = {shown(holder.frame)}: ", VehicleError
-                    ):
-                        vehicle.frame(holder.frame or None)
+                    require_frame(vehicle, holder.frame)
                     if kind == "grasps":
                         holder.require_heavy(vehicle)
         if self.grippers and not carriers:
