@@ -33,7 +33,7 @@ from skyarm.reference.signals import (
     with_signals,
 )
 from skyarm.reference.task_records import Guard, Phase
-from skyarm.reference.tip_motion import TipMotion, TipPush, vector_derivatives
+from skyarm.reference.tip_motion import STILL, TipMotion, TipPush, vector_derivatives
 
 
 @immutable
@@ -132,13 +132,12 @@ class Reference:
         """Copy of the reference with a function applied to every number."""
         values: dict[str, Any] = {}
         for name, value in parts(self).items():
-            mapped = tuple(
-                map(function, value if isinstance(value, Vec3 | tuple) else (value,))
-            )
             if isinstance(value, Vec3):
-                values[name] = Vec3(*mapped)
+                values[name] = Vec3(*map(function, value))
+            elif isinstance(value, tuple):
+                values[name] = tuple(map(function, value))
             else:
-                values[name] = mapped if isinstance(value, tuple) else mapped[0]
+                values[name] = function(value)
         return Reference(**values)
 
     def dense(self) -> Reference:
@@ -156,9 +155,6 @@ VECTORS = ("position", "velocity", "acceleration", "jerk", "snap")
 JOINTS = ("joints", "joint_rates", "joint_accelerations", "joint_jerks", "joint_snaps")
 """Fields of the joint positions and their first four derivatives."""
 
-ZERO = Constant(0.0)
-"""Signal that is zero at all times."""
-
 
 @immutable
 @checked("trajectory")
@@ -173,10 +169,10 @@ class Trajectory:
     ``phases`` are those of its task.
     """
 
-    x: Annotated[Signal, Unit("m", "desired x of the base origin, world axes")] = ZERO
-    y: Annotated[Signal, Unit("m", "desired y of the base origin, world axes")] = ZERO
-    z: Annotated[Signal, Unit("m", "desired z of the base origin, world axes")] = ZERO
-    yaw: Annotated[Signal, Unit("rad", "desired heading about world z")] = ZERO
+    x: Annotated[Signal, Unit("m", "desired x of the base origin, world axes")] = STILL
+    y: Annotated[Signal, Unit("m", "desired y of the base origin, world axes")] = STILL
+    z: Annotated[Signal, Unit("m", "desired z of the base origin, world axes")] = STILL
+    yaw: Annotated[Signal, Unit("rad", "desired heading about world z")] = STILL
     joints: Annotated[
         tuple[Signal, ...],
         Unit("rad or m", "desired joint positions, in the vehicle's order"),

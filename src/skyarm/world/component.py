@@ -22,7 +22,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Generic, NamedTuple, Self, TypeVar, cast
 
 from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import add, divide, maximum, mul, sqrt, where
+from skyarm.algebra.scalars import add, divide, maximum, mul, same, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError
@@ -84,8 +84,12 @@ def moved_by(memory: Memory, slope: Memory, dt: Scalar) -> Memory:
 
 
 def select(condition: Scalar, a: Vec3, b: Vec3) -> Vec3:
-    """Vector ``a`` where a condition holds, else ``b``."""
-    return Vec3(*(where(condition, x, y) for x, y in zip(a, b, strict=True)))
+    """Vector ``a`` where a condition holds, else ``b``.
+
+    Equal constants, as zeros along an axis, stay structure.
+    """
+    pairs = zip(a, b, strict=True)
+    return Vec3(*(x if same(x, y) else where(condition, x, y) for x, y in pairs))
 
 
 def shorten(vector: Vec3, most: Scalar) -> Vec3:

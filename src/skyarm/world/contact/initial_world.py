@@ -38,22 +38,16 @@ def require_start_outside(
         # the heavier of the two: a light body may lie on a heavy one, and the reverse
         borne = max(touching, 1e-9 if each.of == NOBODY else weights[each.of])
         if float(each.touch.normal) > MOST * max(borne, 1e-9):
-            ours = each.by == NOBODY
-            way = ""
-            what = (
-                f"point {contact.points[each.index].name!r}"
-                if ours
-                else repr(contact.carriers[each.by].name)
-            )
-            inside = (
-                f"surface {each.surface!r}"
-                if ours and each.of == NOBODY
-                else repr(each.surface)
-            )
-            if ours and each.of == NOBODY:
-                way = ", or at rest by initial.standing = true"
-            elif 0 <= each.by < len(contact.objects):
-                way = ", or at rest by standing = true"
+            what, inside, way = "", repr(each.surface), ""
+            if each.by == NOBODY:
+                what = f"point {contact.points[each.index].name!r}"
+                if each.of == NOBODY:
+                    inside = f"surface {inside}"
+                    way = ", or at rest by initial.standing = true"
+            else:
+                what = repr(contact.carriers[each.by].name)
+                if each.by < len(contact.objects):
+                    way = ", or at rest by standing = true"
             raise ValueError(
                 f"world: {what} starts {float(each.touch.depth):.3g} m inside {inside},"
                 f" which would push it with {float(each.touch.normal):.3g} N: must"

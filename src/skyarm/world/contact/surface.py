@@ -50,6 +50,7 @@ from skyarm.records.units import Unit, positive
 from skyarm.reference.signals import Constant
 from skyarm.reference.tip_motion import vector_derivatives
 from skyarm.vehicle.convex_hull import Triangles, complete_shape
+from skyarm.world.component import select
 from skyarm.world.contact.material import Material
 from skyarm.world.signal_vector import NO_SIGNALS, SignalVector
 
@@ -423,11 +424,7 @@ def _slab(c: Scalar, size: Scalar, axis: Vec3) -> Face:
 
 def _choose(condition: Scalar, new: Face, old: Face) -> Face:
     """One of two faces, by a condition."""
-    rows = zip(new[1], old[1], strict=True)
-    return where(condition, new[0], old[0]), Vec3(
-        # a shared constant stays structure
-        *(x if x is y else where(condition, x, y) for x, y in rows)
-    )
+    return where(condition, new[0], old[0]), select(condition, new[1], old[1])
 
 
 def _nearest_edge(faces: tuple[Face, ...], height: Scalar, normal: Vec3) -> Face:

@@ -520,15 +520,13 @@ class ObjectWrench(Sharing):
         near = cast("Scalar", 0.0)
         waiting = pose.waiting
         if inputs.behind and all(each.kind not in LASTING for each in self.members):
-            there = [
-                course.then.position + course.lower + course.then.R.apply(m.place)
-                for m in self.members
-            ]
-            here = [
-                inputs.body.position + inputs.body.rotation.apply(m.place)
-                for m in self.members
-            ]
-            apart = tuple(a - b for a, b in zip(there, here, strict=True))
+            goal_place = course.then.position + course.lower
+            places = zip(
+                self.arms(course.then.R), self.arms(inputs.body.rotation), strict=True
+            )
+            apart = tuple(
+                (goal_place + a) - (inputs.body.position + b) for a, b in places
+            )
             behind = tuple(inputs.behind)
             late = (as_data(behind if self.pose_age else apart), *waiting)
             apart, behind = (apart, late[-1]) if self.pose_age else (late[-1], behind)
