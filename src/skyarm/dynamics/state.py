@@ -28,6 +28,17 @@ ANGLES = ("roll", "pitch", "yaw")
 """Names of the ZYX Euler angles of an attitude (rad)."""
 
 
+BaseVelocity = Annotated[Vec3, Unit("m/s", "velocity of the base origin, world axes")]
+
+JointPositions = Annotated[
+    Scalars, Unit("rad or m", "joint positions, in the vehicle's order")
+]
+
+JointRates = Annotated[
+    Scalars, Unit("rad/s or m/s", "joint rates, in the vehicle's order")
+]
+
+
 @immutable
 @checked("state", often=True)
 class State:
@@ -41,14 +52,10 @@ class State:
         Unit("", "attitude as a unit quaternion w x y z, base to world"),
         Word("quaternion_wxyz"),
     ]
-    velocity: Annotated[Vec3, Unit("m/s", "velocity of the base origin, world axes")]
+    velocity: BaseVelocity
     rate: Annotated[Vec3, Unit("rad/s", "angular velocity, base axes", usual=50.0)]
-    joints: Annotated[
-        Scalars, Unit("rad or m", "joint positions, in the vehicle's order")
-    ] = ()
-    joint_rates: Annotated[
-        Scalars, Unit("rad/s or m/s", "joint rates, in the vehicle's order")
-    ] = ()
+    joints: JointPositions = ()
+    joint_rates: JointRates = ()
     rotor_speeds: Annotated[
         Scalars, Unit("rad/s", "rotor speeds, unsigned, in the vehicle's order")
     ] = ()

@@ -15,6 +15,8 @@ from skyarm.records.leaves import Tree
 from skyarm.records.units import Unit
 from skyarm.vehicle import Vehicle
 
+BasePosition = Annotated[Vec3, Unit("m", "position of the base origin, world axes")]
+
 
 @immutable
 class Push:

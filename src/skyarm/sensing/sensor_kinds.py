@@ -34,7 +34,7 @@ from skyarm.algebra.scalars import (
     sub,
     where,
 )
-from skyarm.dynamics.state import State
+from skyarm.dynamics.state import JointPositions, JointRates, State
 from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.immutable import UNWRITTEN, immutable
 from skyarm.records.leaves import Tree, leaves
@@ -46,7 +46,7 @@ from skyarm.sensing.channel import (
     Quantities,
     SampleRate,
 )
-from skyarm.sensing.sensor import NO_PUSH, Push, Sensor, at_origin
+from skyarm.sensing.sensor import NO_PUSH, BasePosition, Push, Sensor, at_origin
 from skyarm.vehicle import Vehicle
 from skyarm.vehicle.check import FARTHEST
 from skyarm.world.component import require_frame
@@ -78,7 +78,7 @@ class PoseReading(Reading):
     base.
     """
 
-    position: Annotated[Vec3, Unit("m", "position of the base origin, world axes")]
+    position: BasePosition
     quaternion: Annotated[Quaternion, Unit("", "attitude w x y z, base to world")]
 
 
@@ -86,7 +86,7 @@ class PoseReading(Reading):
 class PositionReading(Reading):
     """Reading of satellite navigation: position of the base origin."""
 
-    position: Annotated[Vec3, Unit("m", "position of the base origin, world axes")]
+    position: BasePosition
 
 
 @immutable
@@ -100,12 +100,8 @@ class HeadingReading(Reading):
 class EncoderReading(Reading):
     """Reading of the encoders: positions and rates of all joints."""
 
-    joints: Annotated[
-        Scalars, Unit("rad or m", "joint positions, in the vehicle's order")
-    ]
-    joint_rates: Annotated[
-        Scalars, Unit("rad/s or m/s", "joint rates, in the vehicle's order")
-    ]
+    joints: JointPositions
+    joint_rates: JointRates
 
 
 @immutable
