@@ -46,7 +46,15 @@ from skyarm.sensing.channel import (
     Quantities,
     SampleRate,
 )
-from skyarm.sensing.sensor import NO_PUSH, BasePosition, Push, Sensor, at_origin
+from skyarm.sensing.sensor import (
+    NO_PUSH,
+    BasePosition,
+    FrameForce,
+    FrameTorque,
+    Push,
+    Sensor,
+    at_origin,
+)
 from skyarm.vehicle import Vehicle
 from skyarm.vehicle.check import FARTHEST
 from skyarm.world.component import require_frame
@@ -108,10 +116,8 @@ class EncoderReading(Reading):
 class ForceReading(Reading):
     """Reading of a force-torque sensor: external wrench at a frame."""
 
-    force: Annotated[Vec3, Unit("N", "force at the frame, axes of the frame")]
-    torque: Annotated[
-        Vec3, Unit("N m", "torque about the frame's origin, axes of the frame")
-    ]
+    force: FrameForce
+    torque: FrameTorque
 
 
 @immutable

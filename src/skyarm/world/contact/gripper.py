@@ -49,7 +49,7 @@ from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.reference.signals import Constant, Signal, signal_from
 from skyarm.world.component import Column, select, shorten
 from skyarm.world.contact.carrier import CarriedFrame
-from skyarm.world.contact.hold import Hold, Spring, longest_step
+from skyarm.world.contact.hold import Hold, Spring, Stiffness, longest_step
 from skyarm.world.contact.material import NORMAL_STEP, ROUGHEST
 
 KINDS = ("magnet", "suction", "jaw", "ball", "hook")
@@ -163,17 +163,7 @@ class Gripper:
         Scalar,
         nonnegative("m", "radius of a ball in its socket; 0 turns without friction"),
     ] = 0.005
-    stiffness: Annotated[
-        Scalar,
-        positive(
-            "N/m",
-            "stiffness of the grasp",
-            effect=(
-                "higher values hold the body more rigidly and need smaller integration"
-                " steps"
-            ),
-        ),
-    ] = 5000.0
+    stiffness: Stiffness = 5000.0
     damping_ratio: Annotated[
         Scalar,
         nonnegative(

@@ -9,14 +9,28 @@ and where they give way.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Annotated
 
 from skyarm.algebra import Mat3, Scalar, Vec3
 from skyarm.algebra.matrix import orientation_error
 from skyarm.algebra.scalars import maximum, sqrt
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.immutable import immutable, positional
+from skyarm.records.units import positive
 from skyarm.world.contact.carrier import CarriedFrame
 from skyarm.world.contact.material import BRISTLE_STEP, euler_step_of
+
+Stiffness = Annotated[
+    Scalar,
+    positive(
+        "N/m",
+        "stiffness of the grasp",
+        effect=(
+            "higher values hold the body more rigidly and need smaller integration"
+            " steps"
+        ),
+    ),
+]
 
 
 @immutable
