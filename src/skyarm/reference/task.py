@@ -35,6 +35,7 @@ from skyarm.reference.waypoints import (
     CLOSEST,
     SHORTEST,
     FlightLimits,
+    Place,
     Points,
     allocate,
     number_within,
@@ -48,8 +49,6 @@ NUMBERS = ("error", "force", "force_below", "distance")
 SWITCHES = ("closed", "open")
 
 ASKED = (*NUMBERS, *SWITCHES)
-
-Place = tuple[float, float, float]
 
 NOWHERE = 1e-6
 """Length of a vector below which its direction is undefined."""

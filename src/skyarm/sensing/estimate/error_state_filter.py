@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any, ClassVar
 
 from skyarm.algebra import ZERO3, ZERO3_DATA, Motion, Scalar, Vec3
@@ -290,9 +291,7 @@ class ErrorStateFilter(FilterNumbers):
         """
         present = memory.belief
         # a period without a reading repeats the one before, so its step is of 0 s
-        for i, (old, new) in enumerate(
-            zip(memory.inertial, memory.inertial[1:], strict=False)
-        ):
+        for i, (old, new) in enumerate(pairwise(memory.inertial)):
             given = memory.modelled[i + 1] if self.uses_model else None
             present, _ = navigate(
                 present, old, new, self.gravity, new.time - old.time, given

@@ -62,14 +62,13 @@ def require_bodies_apart(contact: Contact, motion: PointMotion) -> None:
     Raises:
         ValueError: one line: both bodies, the depth, the force.
     """
-    records = contact.body_records(contact.start(1.0, ()), motion)
     vehicles = [motion.of(each.agent).vehicle for each in contact.vehicle_bodies]
     others: dict[str, Sequence[object]] = {
         "surface": contact.surfaces,
         "carrier": contact.carriers,
         "body": vehicles,
     }
-    for pair, record in zip(contact.body_pairs, records, strict=True):
+    for pair, record in contact.body_records(contact.start(1.0, ()), motion):
         both = vehicles[pair.body], others[pair.other][pair.index]
         mass = max(float(getattr(each, "mass", 0.0)) for each in both)
         touch = touch_of_bodies(record)
@@ -103,8 +102,7 @@ def initial_clearance(
         for each in contact.meetings(memory, motion)
         if each.by == NOBODY
     ]
-    rows = zip(contact.body_pairs, contact.body_records(memory, motion), strict=True)
-    for pair, (a, b, *_) in rows:
+    for pair, (a, b, *_) in contact.body_records(memory, motion):
         body = contact.vehicle_bodies[pair.body].name
         for one, other in product(a.parts, b.parts):
             both = one.in_world(a.frame), other.in_world(b.frame)

@@ -424,8 +424,10 @@ class TouchingBodies(Force[ContactMemory]):
         ]
         return fixed, carried
 
-    def body_records(self, memory: ContactMemory, motion: PointMotion) -> list[Record]:
-        """Motions, shapes and bristles of each pair of bodies."""
+    def body_records(
+        self, memory: ContactMemory, motion: PointMotion
+    ) -> list[tuple[BodyPair, Record]]:
+        """Each pair of bodies with motions, shapes and bristle of both."""
         pairs = self.body_pairs
         if not pairs:
             return []
@@ -437,7 +439,7 @@ class TouchingBodies(Force[ContactMemory]):
         ]
         fixed, carried = self._others(memory)
         bristles = memory.bristles[self.meeting_count :]
-        records = list[Record]()
+        records = list[tuple[BodyPair, Record]]()
         for pair, bristle in zip(pairs, bristles, strict=True):
             mass = self.vehicle_bodies[pair.body].mass
             if pair.other == "body":
@@ -456,7 +458,8 @@ class TouchingBodies(Force[ContactMemory]):
                 mass = reduced_mass(1.0 / self.carriers[pair.index].mobility, mass)
             else:
                 other = sides[pair.index]
-            records.append((sides[pair.body], other, bristle, step, (mean, most), mass))
+            record = sides[pair.body], other, bristle, step, (mean, most), mass
+            records.append((pair, record))
         return records
 
     def places_at_rest(
@@ -465,8 +468,7 @@ class TouchingBodies(Force[ContactMemory]):
         """Contact state of each place at which shapes of vehicles at rest touch, of
         those that press on a surface.
         """
-        rows = zip(self.body_pairs, self.body_records(memory, motion), strict=True)
-        for pair, record in rows:
+        for pair, record in self.body_records(memory, motion):
             # what is far away has no places to look for
             if pair.other != "surface" or not touch_of_bodies(record).normal > 0.0:
                 continue
@@ -502,8 +504,7 @@ class TouchingBodies(Force[ContactMemory]):
         """Contact state of each pair of bodies as one place, by the vehicle where the
         other is a surface.
         """
-        rows = zip(self.body_pairs, self.body_records(memory, motion), strict=True)
-        for pair, record in rows:
+        for pair, record in self.body_records(memory, motion):
             touch = touch_of_bodies(record)
             size = sqrt(touch.force.dot(touch.force) + LIGHT * LIGHT)
             fixed = pair.other == "surface"
@@ -550,7 +551,8 @@ class TouchingBodies(Force[ContactMemory]):
 
         def touches(moved: Sequence[tuple[Vec3, Scalars]]) -> Result:
             there = motion.with_places(moved)
-            return use([*map(touch_of_bodies, self.body_records(memory, there))])
+            records = self.body_records(memory, there)
+            return use([touch_of_bodies(record) for _, record in records])
 
         return compute_where(near, touches, tuple(places), other)
 

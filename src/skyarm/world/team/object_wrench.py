@@ -71,6 +71,7 @@ from skyarm.world.team.team import (
     NO_TILT,
     Sharing,
     TeamInputs,
+    TipShift,
     columns_of_labels,
     require_whole_periods,
     weight_of,
@@ -112,16 +113,6 @@ MESSAGES = (
     ("messages_lost", "", "number of a member's messages that were lost"),
 )
 """Logged quantities of the messages: array, unit, meaning."""
-
-
-@immutable
-class TipShift:
-    """Filtered shift of a tip's reference: value and rate, world axes."""
-
-    offset: Annotated[Vec3, Unit("m", "shift of the tip's reference, world axes")] = (
-        ZERO3_DATA
-    )
-    rate: Annotated[Vec3, Unit("m/s", "rate of the shift, world axes")] = ZERO3_DATA
 
 
 @immutable

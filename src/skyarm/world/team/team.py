@@ -19,6 +19,7 @@ import numpy as np
 from skyarm.algebra import (
     E_Z,
     ZERO3,
+    ZERO3_DATA,
     Mat3,
     Quaternion,
     Scalar,
@@ -616,6 +617,16 @@ class Team(VirtualMasses, Component[TeamMemory]):
     def logged(self, memory: TeamMemory, motion: PointMotion) -> Scalars:
         """Numbers of the log, as of the start of the period."""
         return memory.logged
+
+
+@immutable
+class TipShift:
+    """Filtered shift of a tip's reference: value and rate, world axes."""
+
+    offset: Annotated[Vec3, Unit("m", "shift of the tip's reference, world axes")] = (
+        ZERO3_DATA
+    )
+    rate: Annotated[Vec3, Unit("m/s", "rate of the shift, world axes")] = ZERO3_DATA
 
 
 @immutable
