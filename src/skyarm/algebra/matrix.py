@@ -270,6 +270,16 @@ def _turned_pair(x: Scalar, y: Scalar, c: Scalar, s: Scalar) -> tuple[Scalar, Sc
     return sub(mul(c, x), mul(s, y)), add(mul(s, x), mul(c, y))
 
 
+def orientation_error(R: Mat3, R_d: Mat3) -> Vec3:
+    """Rotation error from R to R_d, axis times sine of the angle, in the axes that both
+    matrices map to: half the sum of the cross products of their columns.
+    """
+    total = ZERO3
+    for k in range(3):
+        total = total + R.column(k).cross(R_d.column(k))
+    return total * 0.5
+
+
 def axis_rotation(axis: Vec3, angle: Scalar) -> Mat3:
     """Rotation by ``angle`` (rad) about the unit ``axis``: a a^T + cos (1 - a a^T) +
     sin S(a).

@@ -18,7 +18,7 @@ from skyarm.algebra import (
 )
 from skyarm.algebra.quaternion import euler_angles
 from skyarm.algebra.scalars import cos, sin
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import checked
 from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.path_names import Names, NumberView, field_paths
 from skyarm.records.units import Unit
@@ -28,7 +28,19 @@ ANGLES = ("roll", "pitch", "yaw")
 """Names of the ZYX Euler angles of an attitude (rad)."""
 
 
+BaseVelocity = Annotated[Vec3, Unit("m/s", "velocity of the base origin, world axes")]
+
+JointPositions = Annotated[
+    Scalars, Unit("rad or m", "joint positions, in the vehicle's order")
+]
+
+JointRates = Annotated[
+    Scalars, Unit("rad/s or m/s", "joint rates, in the vehicle's order")
+]
+
+
 @immutable
+@checked("state", often=True)
 class State:
     """State of a vehicle: all quantities that the simulation integrates."""
 
@@ -40,34 +52,16 @@ class State:
         Unit("", "attitude as a unit quaternion w x y z, base to world"),
         Word("quaternion_wxyz"),
     ]
-    velocity: Annotated[Vec3, Unit("m/s", "velocity of the base origin, world axes")]
+    velocity: BaseVelocity
     rate: Annotated[Vec3, Unit("rad/s", "angular velocity, base axes", usual=50.0)]
-    joints: Annotated[
-        Scalars, Unit("rad or m", "joint positions, in the vehicle's order")
-    ] = ()
-    joint_rates: Annotated[
-        Scalars, Unit("rad/s or m/s", "joint rates, in the vehicle's order")
-    ] = ()
+    joints: JointPositions = ()
+    joint_rates: JointRates = ()
     rotor_speeds: Annotated[
         Scalars, Unit("rad/s", "rotor speeds, unsigned, in the vehicle's order")
     ] = ()
     tilts: Annotated[Scalars, Unit("rad", "angles of the tilting rotors")] = (
         field_if_any(default=())
     )
-
-    def __post_init__(self) -> None:
-        # made at every stage of the integrator: what holds vectors and tuples already
-        # is not looked at
-        vectors = type(self.position) is type(self.velocity) is type(self.rate) is Vec3
-        tuples = (
-            type(self.joints)
-            is type(self.joint_rates)
-            is type(self.rotor_speeds)
-            is type(self.tilts)
-            is tuple
-        )
-        if not (vectors and tuples and type(self.quaternion) is Quaternion):
-            accept_fields(self, "state")
 
     @property
     def rotation(self) -> Mat3:

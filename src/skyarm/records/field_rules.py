@@ -61,22 +61,42 @@ def accept_fields(
 
 
 def checked(
-    where: str, error: type[ValueError] = RecordError
+    where: str, error: type[ValueError] = RecordError, *, often: bool = False
 ) -> Callable[[type[Record]], type[Record]]:
     """Decorator, below ``immutable``, of dataclasses that need no more than checks of
     their fields when constructed.
 
-    The arguments are those of :func:`accept_fields`.
+    Args:
+        where: as of :func:`accept_fields`.
+        error: as there.
+        often: True for records that are made in every period or stage of an integrator:
+            values that have the fields' own types already are not looked at.
     """
 
     def mark(kind: type[Record]) -> type[Record]:
         def check(record: object) -> None:
-            accept_fields(record, where, error)
+            values = values_of(type(record)) if often else None
+            if values is None or not _are_stored(
+                type(record), tuple(map(type, values(record)))
+            ):
+                accept_fields(record, where, error)
 
         kind.__post_init__ = check  # type: ignore[attr-defined]
         return kind
 
     return mark
+
+
+@memoize
+def _are_stored(kind: type, given: tuple[type, ...]) -> bool:
+    """True if values of some types are those that the fields of a dataclass store."""
+    stored = (annotation for annotation, _ in declared_fields(kind).values())
+    return all(
+        each in (float, int)
+        if annotation is Scalar
+        else each is (typing.get_origin(annotation) or annotation)
+        for each, annotation in zip(given, stored, strict=True)
+    )
 
 
 def require_fields(record: object, where: str, skipped: tuple[type, ...] = ()) -> None:

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from skyarm.algebra import ZERO3, ZERO3_DATA, Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import leaves, rebuild
+from skyarm.records.leaves import as_data, leaves, rebuild
 from skyarm.records.units import Unit
 
 
@@ -62,8 +62,8 @@ class Carry:
 
     @property
     def numbers(self) -> Scalars:
-        """All numbers in order, as a reference holds them."""
-        return tuple(leaves(self))
+        """All numbers in order, as a reference holds them: data, zeros too."""
+        return tuple(leaves(as_data(self)))
 
     @classmethod
     def of(cls, numbers: Scalars) -> Carry:
@@ -73,20 +73,4 @@ class Carry:
     @classmethod
     def none(cls) -> Carry:
         """Instructions of a tip that holds nothing, whose numbers are data."""
-        zero = ZERO3_DATA
-        names = (
-            "force",
-            "moment",
-            "forgotten_force",
-            "forgotten_moment",
-            "offset",
-            "offset_rate",
-            "heading",
-        )
-        return cls(
-            held=0.0,
-            offset_acceleration=zero,
-            settling=0.0,
-            mass=0.0,
-            **dict.fromkeys(names, zero),
-        )
+        return as_data(cls())

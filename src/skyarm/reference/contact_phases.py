@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 
 from skyarm.algebra import Vec3, axis_rotation
 from skyarm.dynamics.kinematics import NEAREST
@@ -23,7 +24,6 @@ from skyarm.reference.signals import Turning
 from skyarm.reference.splines import Polynomials, minimum_snap
 from skyarm.reference.task import (
     Arc,
-    Place,
     TaskBuilder,
     duration_of,
     require_field,
@@ -34,6 +34,7 @@ from skyarm.reference.task_records import TaskEvent
 from skyarm.reference.tip_motion import FASTEST, STRONGEST, UPRIGHT
 from skyarm.reference.waypoints import (
     MOST_POINTS,
+    Place,
     number_within,
     place_of,
     points_of,
@@ -214,9 +215,7 @@ def write(task: TaskBuilder, phase: Fields) -> None:
         task.at, points, [f"{phase.at('points')}[{i}]" for i in range(len(points))]
     )
     whole = duration_of(phase)
-    length = sum(
-        math.dist(a, b) for a, b in zip([task.at, *points], points, strict=False)
-    )
+    length = sum(math.dist(a, b) for a, b in pairwise([task.at, *points]))
     # a stated duration is shared out by length: one speed on all pieces
     for point in points:
         share = None if whole is None else whole * math.dist(task.at, point) / length

@@ -192,7 +192,7 @@ def offset_reference(
         time: s, of the reference.
     """
     # factors, not differences: each return takes back what is left by then
-    left = Taylor.of_derivatives((1.0, 0.0, 0.0, 0.0, 0.0))
+    left = Taylor.of_derivatives(ONE)
     for begin, end in returns:
         gone = minimum_snap((begin, end), (0.0, 1.0)).derivatives(time)
         # a return that begins with the offset counts, up to rounding

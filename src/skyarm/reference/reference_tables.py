@@ -77,6 +77,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -327,19 +328,14 @@ def reference_from(
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
-    if isinstance(table, dict) and table.get("kind") == "plan":
-        table = plan_tables(
-            Fields(table, where), setting.vehicle.name if setting.vehicle else None
-        )
-    own: dict[str, Any] = {}
-    rest, carried = table, setting.carried
-    own_base = False
-    if isinstance(table, dict):
-        own = {
-            name: table[name] for name in ("push", "load", "planned") if name in table
-        }
-        rest = {name: value for name, value in table.items() if name not in own}
-        own_base = "base" in table
+    whole = Fields(table, where)
+    given: Mapping[str, Any] = whole.table
+    if given.get("kind") == "plan":
+        given = plan_tables(whole, setting.vehicle.name if setting.vehicle else None)
+    apart = ("push", "load", "planned")
+    own = {name: value for name, value in given.items() if name in apart}
+    rest = {name: value for name, value in given.items() if name not in apart}
+    carried = setting.carried
     push = (
         push_from(own["push"], f"{where}.push", setting.duration)
         if "push" in own
@@ -351,7 +347,7 @@ def reference_from(
         if "planned" in own
         else None
     )
-    if isinstance(rest, dict) and "tip" in rest:
+    if "tip" in rest:
         from skyarm.reference.tip_plan import tip_trajectory
 
         base = trajectory_from(
@@ -380,7 +376,7 @@ def reference_from(
             )
     else:
         trajectory = trajectory_from(rest, n_joints, where, setting)
-        if carried is not None and not own_base:
+        if carried is not None and "base" not in rest:
             yaw = trajectory.yaw + carried.yaw
             trajectory = replace(
                 trajectory, x=carried.x, y=carried.y, z=carried.z, yaw=yaw

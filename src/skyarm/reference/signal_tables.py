@@ -28,6 +28,7 @@ import math
 from skyarm.algebra import Scalar, Scalars
 from skyarm.records.field_rules import checked
 from skyarm.records.files import Fields, filled_list, number
+from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import positional
 from skyarm.reference.signals import (
     Constant,
@@ -105,6 +106,18 @@ def _clip_to_window(signal: Signal, start: float, stop: float) -> Signal:
     )
 
 
+def component_from(entry: Entry, where: str) -> Signal:
+    """Time signal of one component of a vector from a value of a scenario file; an
+    exact zero becomes a constant of compiled code.
+    """
+    # by type: False is equal to zero, and no number
+    return (
+        Constant(0)
+        if type(entry) in (int, float) and entry == 0.0
+        else signal_from(entry, where)
+    )
+
+
 @positional
 @checked("signals")
 class SignalList:
@@ -116,14 +129,12 @@ class SignalList:
     def from_table(cls, entry: object, where: str) -> SignalList:
         """Read a list of time signals from a value of a scenario file."""
         what = "a list of signals of time, one for each component"
-        signals: list[Signal] = []
-        for i, each in enumerate(filled_list(entry, where, what)):
-            # a component that a file states as 0 is structure: nothing is computed
-            if type(each) in (int, float) and each == 0.0:
-                signals.append(Constant(0))
-            else:
-                signals.append(signal_from(each, f"{where}[{i}]"))
-        return cls(tuple(signals))
+        return cls(
+            tuple(
+                component_from(each, f"{where}[{i}]")
+                for i, each in enumerate(filled_list(entry, where, what))
+            )
+        )
 
     def at(self, t: Scalar) -> Scalars:
         """Values of all signals at time t (s)."""

@@ -166,14 +166,10 @@ class Ramp(Signal):
             if type(piece) is int:
                 pieces.append(0)
             else:
-                pieces.append(self._select_piece(t, piece * scale, after))
+                until = where(t < self.start + self.duration, piece * scale, after)
+                pieces.append(where(t < self.start, 0.0, until))
             scale = scale * rate
         return tuple(pieces)
-
-    def _select_piece(self, t: Scalar, inside: Scalar, after: Scalar) -> Scalar:
-        return where(
-            t < self.start, 0.0, where(t < self.start + self.duration, inside, after)
-        )
 
     def switch_times(self) -> tuple[float, ...]:
         """Start and end time (s) of the ramp."""
@@ -263,13 +259,13 @@ class Windowed(Signal):
 
     def derivatives(self, t: Scalar) -> Derivatives:
         """Value and derivatives of the signal inside the window, zeros outside."""
-        return tuple(self._inside(t, value) for value in self.signal.derivatives(t))
-
-    def _inside(self, t: Scalar, value: Scalar) -> Scalar:
-        # 0 in and out of the window alike, as structure
-        if same(value, 0):
-            return 0
-        return where(t < self.start, 0.0, where(t < self.stop, value, 0.0))
+        return tuple(
+            # 0 in and out of the window alike, as structure
+            0
+            if same(value, 0)
+            else where(t < self.start, 0.0, where(t < self.stop, value, 0.0))
+            for value in self.signal.derivatives(t)
+        )
 
     def switch_times(self) -> tuple[float, ...]:
         """Start and stop (s) of the window, and the inner signal's switch times between

@@ -35,6 +35,7 @@ from skyarm.reference.waypoints import (
     CLOSEST,
     SHORTEST,
     FlightLimits,
+    Place,
     Points,
     allocate,
     number_within,
@@ -48,8 +49,6 @@ NUMBERS = ("error", "force", "force_below", "distance")
 SWITCHES = ("closed", "open")
 
 ASKED = (*NUMBERS, *SWITCHES)
-
-Place = tuple[float, float, float]
 
 NOWHERE = 1e-6
 """Length of a vector below which its direction is undefined."""
@@ -366,24 +365,21 @@ class TaskBuilder:
                 "reference: two tasks whose phases press or grip do not add"
             )
         pieces = [_during(f, a + EDGE, b + EDGE) for a, b, f in self._forces]
-        speed = SPEED if self.speed is None else self.speed
-        arc = self.known_arc
-        if arc is None:
-            if self.normal is None:
-                raise AssertionError("a force needs a direction")
-            self.setting.pushes.append(
-                TipPush(force=Sum(tuple(pieces)), normal=self.normal, speed=speed)
-            )
-            return
         pieces += [_during(f, a, b) for a, b, f in self._grips if f]
+        arc, normal = self.known_arc, self.normal
+        held: dict[str, Any] = {}
+        if arc is not None:
+            normal = normal or arc.normal
+            grip = Sum(tuple(_during(1.0, a, b) for a, b, _ in self._grips))
+            held = {"grip": grip, "pivot": arc.center, "axis": arc.axis}
+        if normal is None:
+            raise AssertionError("a force needs a direction")
         self.setting.pushes.append(
             TipPush(
                 force=Sum(tuple(pieces)) if pieces else Constant(0.0),
-                normal=arc.normal if self.normal is None else self.normal,
-                speed=speed,
-                grip=Sum(tuple(_during(1.0, a, b) for a, b, _ in self._grips)),
-                pivot=arc.center,
-                axis=arc.axis,
+                normal=normal,
+                speed=self.speed or SPEED,
+                **held,
             )
         )
 

@@ -45,6 +45,7 @@ ORDER = 4
 """Highest derivative of a reference."""
 
 STILL = Constant(0.0)
+"""Signal that is zero at all times."""
 
 FiveVectors = tuple[Vec3, ...]
 """Vector and its first four derivatives."""

@@ -188,14 +188,13 @@ def _errors(
     if position is not None:
         errors += [float(c) for c in position - pose.p]
         rows += [
-            [float(tuple(column.linear)[axis]) for column in columns]
-            for axis in range(3)
+            [float(column.linear[axis]) for column in columns] for axis in range(3)
         ]
     if orientation is not None:
         turn = rotation_vector(orientation @ pose.R.T)
         errors += [task.length * float(c) for c in turn]
         rows += [
-            [task.length * float(tuple(column.angular)[axis]) for column in columns]
+            [task.length * float(column.angular[axis]) for column in columns]
             for axis in range(3)
         ]
     return rows, errors

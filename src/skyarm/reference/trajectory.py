@@ -16,7 +16,7 @@ import numpy as np
 from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
 from skyarm.records import coerce
 from skyarm.records.arrays import AnyArray, Array
-from skyarm.records.field_rules import accept_fields, checked
+from skyarm.records.field_rules import checked
 from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.leaves import parts
 from skyarm.records.path_names import Names, field_paths
@@ -33,10 +33,11 @@ from skyarm.reference.signals import (
     with_signals,
 )
 from skyarm.reference.task_records import Guard, Phase
-from skyarm.reference.tip_motion import TipMotion, TipPush, vector_derivatives
+from skyarm.reference.tip_motion import STILL, TipMotion, TipPush, vector_derivatives
 
 
 @immutable
+@checked("reference", often=True)
 class Reference:
     """Desired motion at one instant, or at many instants with arrays in place of
     numbers.
@@ -127,44 +128,16 @@ class Reference:
         Scalars, Unit("", "part of a load that the tip takes over; empty: none")
     ] = ()
 
-    def __post_init__(self) -> None:
-        # made in every period: what holds vectors and tuples already is not looked at
-        vectors = {
-            type(self.position),
-            type(self.velocity),
-            type(self.acceleration),
-            type(self.jerk),
-            type(self.snap),
-        }
-        tuples = {
-            type(self.joints),
-            type(self.joint_rates),
-            type(self.joint_accelerations),
-            type(self.joint_jerks),
-            type(self.joint_snaps),
-            type(self.tip),
-            type(self.push),
-            type(self.load),
-            type(self.center),
-            type(self.turning),
-            type(self.ahead),
-            type(self.carry),
-        }
-        numbers = {type(self.yaw), type(self.yaw_rate), type(self.yaw_acceleration)}
-        if vectors != {Vec3} or tuples != {tuple} or not numbers <= PLAIN_NUMBERS:
-            accept_fields(self, "reference")
-
     def map_scalars(self, function: Callable[[Scalar], Scalar]) -> Reference:
         """Copy of the reference with a function applied to every number."""
         values: dict[str, Any] = {}
         for name, value in parts(self).items():
-            mapped = tuple(
-                map(function, value if isinstance(value, Vec3 | tuple) else (value,))
-            )
             if isinstance(value, Vec3):
-                values[name] = Vec3(*mapped)
+                values[name] = Vec3(*map(function, value))
+            elif isinstance(value, tuple):
+                values[name] = tuple(map(function, value))
             else:
-                values[name] = mapped if isinstance(value, tuple) else mapped[0]
+                values[name] = function(value)
         return Reference(**values)
 
     def dense(self) -> Reference:
@@ -176,17 +149,11 @@ class Reference:
         )
 
 
-PLAIN_NUMBERS = {float, int}
-"""Types of plain numbers, which need no further check."""
-
 VECTORS = ("position", "velocity", "acceleration", "jerk", "snap")
 """Fields of the base position and its first four derivatives."""
 
 JOINTS = ("joints", "joint_rates", "joint_accelerations", "joint_jerks", "joint_snaps")
 """Fields of the joint positions and their first four derivatives."""
-
-ZERO = Constant(0.0)
-"""Signal that is zero at all times."""
 
 
 @immutable
@@ -202,10 +169,10 @@ class Trajectory:
     ``phases`` are those of its task.
     """
 
-    x: Annotated[Signal, Unit("m", "desired x of the base origin, world axes")] = ZERO
-    y: Annotated[Signal, Unit("m", "desired y of the base origin, world axes")] = ZERO
-    z: Annotated[Signal, Unit("m", "desired z of the base origin, world axes")] = ZERO
-    yaw: Annotated[Signal, Unit("rad", "desired heading about world z")] = ZERO
+    x: Annotated[Signal, Unit("m", "desired x of the base origin, world axes")] = STILL
+    y: Annotated[Signal, Unit("m", "desired y of the base origin, world axes")] = STILL
+    z: Annotated[Signal, Unit("m", "desired z of the base origin, world axes")] = STILL
+    yaw: Annotated[Signal, Unit("rad", "desired heading about world z")] = STILL
     joints: Annotated[
         tuple[Signal, ...],
         Unit("rad or m", "desired joint positions, in the vehicle's order"),
@@ -483,12 +450,17 @@ def failure_words(trajectory: Trajectory, guard: Guard) -> str:
         for name, value in values.items()
         if value not in (None, "")
     ]
+    return (
+        f"{phase_words(trajectory, guard)}: {' or '.join(asked)} within"
+        f" {float(guard.timeout):g} s"
+    )
+
+
+def phase_words(trajectory: Trajectory, guard: Guard) -> str:
+    """Number and name, for messages, of the phase that a condition ends."""
     named = (
         trajectory.phases[guard.phase].name
         if guard.phase < len(trajectory.phases)
         else "guard"
     )
-    return (
-        f"phase {guard.phase} '{named}': {' or '.join(asked)} within"
-        f" {float(guard.timeout):g} s"
-    )
+    return f"phase {guard.phase} '{named}'"

@@ -44,7 +44,9 @@ from skyarm.reference.splines import minimum_snap, snap_cost, snap_pieces, span_
 from skyarm.reference.task_records import Setting
 from skyarm.reference.trajectory import Trajectory
 
-Points = Sequence[tuple[float, float, float]]
+Place = tuple[float, float, float]
+
+Points = Sequence[Place]
 
 LOOKS = 60
 """Number of instants of each piece at which the limits are evaluated: speed and
@@ -386,12 +388,12 @@ def points_of(entries: object, at: str) -> Points:
     return [_place(entry, f"{at}[{i}]") for i, entry in enumerate(entries)]
 
 
-def place_of(fields: Fields, name: str, *default: object) -> tuple[float, float, float]:
+def place_of(fields: Fields, name: str, *default: object) -> Place:
     """Read a position (m) of three coordinates from a table."""
     return _place(fields.take(name, *default), fields.at(name))
 
 
-def _place(entry: object, at: str) -> tuple[float, float, float]:
+def _place(entry: object, at: str) -> Place:
     x, y, z = (within(c, f"{at}[{i}]") for i, c in enumerate(three_numbers(entry, at)))
     return x, y, z
 
@@ -492,7 +494,7 @@ def _read_columns(fields: Fields, names: list[str]) -> list[list[float]]:
         [_cell(row[each], f"{at}: row {i}: {each}") for i, row in enumerate(rows, 1)]
         for each in names
     ]
-    for i, (a, b) in enumerate(zip(columns[0], columns[0][1:], strict=False), 2):
+    for i, (a, b) in enumerate(pairwise(columns[0]), 2):
         if not b - a >= CLOSEST:
             allowed = f"must be {CLOSEST:g} s or more after {a!r} of the row before"
             raise ValueError(f"{at}: row {i}: {names[0]} = {b!r}: {allowed}")

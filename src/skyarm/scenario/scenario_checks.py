@@ -39,7 +39,7 @@ from skyarm.records.field_rules import require_fields
 from skyarm.records.files import did_you_mean, errors_as, must_be_one_of, number, shown
 from skyarm.records.leaves import Place, Tree, leaves, named_leaves, part
 from skyarm.records.words import Slot, slots
-from skyarm.reference.trajectory import Trajectory
+from skyarm.reference.trajectory import Trajectory, phase_words
 from skyarm.scenario.endings import BodyCollision, BodyContact, RotorContact
 from skyarm.scenario.paths import errors_of_agent, is_below, prefix_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
@@ -936,12 +936,7 @@ def _check_guards(
         return
     switches = [name for name, sensor in sensors if sensor.senses == "switch"]
     for guard in trajectory.guards:
-        named = (
-            trajectory.phases[guard.phase].name
-            if guard.phase < len(trajectory.phases)
-            else "guard"
-        )
-        at = f"reference: phase {guard.phase} '{named}': until"
+        at = f"reference: {phase_words(trajectory, guard)}: until"
         if guard.sensed:
             _require_tip_sensor(at, sensors, vehicle)
         for word in ("closed", "open"):

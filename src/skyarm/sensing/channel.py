@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
+from itertools import repeat
 from typing import Annotated, Any, ClassVar
 
 from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
@@ -32,7 +33,7 @@ from skyarm.dynamics.state import State, example_state
 from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.immutable import field_if_any, immutable
-from skyarm.records.leaves import Tree, blend, leaves, rebuild
+from skyarm.records.leaves import Tree, blend, rebuild
 from skyarm.records.units import Unit, declared_fields, nonnegative
 from skyarm.reference.signal_tables import SignalList
 from skyarm.sensing.sensor import Sensor
@@ -441,7 +442,7 @@ class ChannelSensor(Sensor):
             )
             # of the example the shape alone counts, because a first reading always
             # arrives
-            last = rebuild(example, iter([0.0] * len(leaves(example))))
+            last = rebuild(example, repeat(0.0))
         drifts = tuple(c.start(len(truth)) for _, c, truth in quantities)
         return ChannelMemory(read=0.0, drifts=drifts, lost=0.0, last=last, own=own)
 
@@ -514,12 +515,8 @@ def _makers(record: type) -> Mapping[str, Callable[[Scalars], Vec3 | Scalar]]:
     """Converters from components to a vector or scalar, one for each field of a sensor
     reading except its time.
     """
-    types = {
-        name: kind
+    return {
+        name: (lambda c: Vec3(*c)) if kind is Vec3 else (lambda c: c[0])
         for name, (kind, _) in declared_fields(record).items()
         if name != "time"
-    }
-    return {
-        name: (lambda c: Vec3(*c)) if each is Vec3 else (lambda c: c[0])
-        for name, each in types.items()
     }

@@ -12,13 +12,18 @@ from skyarm.algebra import ZERO3_DATA, Mat3, Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import add, data, mul
 from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics import State
-from skyarm.dynamics.state import example_state
+from skyarm.dynamics.state import (
+    BaseVelocity,
+    JointPositions,
+    JointRates,
+    example_state,
+)
 from skyarm.records.coerce import absent
-from skyarm.records.field_rules import accept_fields, checked
+from skyarm.records.field_rules import checked
 from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.leaves import Tree, leaves
 from skyarm.records.units import Unit, nonnegative
-from skyarm.sensing.sensor import Sensor
+from skyarm.sensing.sensor import BasePosition, Sensor
 from skyarm.vehicle import Vehicle
 
 
@@ -36,6 +41,7 @@ class Image:
 
 
 @immutable
+@checked("measurement", often=True)
 class Measurement:
     """Measurement that a control law receives: pose, velocities, specific force,
     joints, rotors.
@@ -44,21 +50,17 @@ class Measurement:
     """
 
     time: Annotated[Scalar, Unit("s", "time at which the measurement was taken")]
-    position: Annotated[Vec3, Unit("m", "position of the base origin, world axes")]
+    position: BasePosition
     quaternion: Annotated[
         Quaternion, Unit("", "attitude as a unit quaternion w x y z, base to world")
     ]
-    velocity: Annotated[Vec3, Unit("m/s", "velocity of the base origin, world axes")]
+    velocity: BaseVelocity
     rate: Annotated[Vec3, Unit("rad/s", "angular velocity by the gyroscope, base axes")]
     specific_force: Annotated[
         Vec3, Unit("m/s^2", "accelerometer, base axes, +g along z in hover")
     ]
-    joints: Annotated[
-        Scalars, Unit("rad or m", "joint positions, in the vehicle's order")
-    ] = ()
-    joint_rates: Annotated[
-        Scalars, Unit("rad/s or m/s", "joint rates, in the vehicle's order")
-    ] = ()
+    joints: JointPositions = ()
+    joint_rates: JointRates = ()
     rotor_speeds: Annotated[
         Scalars, Unit("rad/s", "rotor speeds, unsigned, in the vehicle's order")
     ] = ()
@@ -81,35 +83,6 @@ class Measurement:
         tuple[Image, ...],
         Unit("", "newest picture of each camera that the law sees, in its order"),
     ] = field_if_any(default=())
-
-    def __post_init__(self) -> None:
-        # made in every period: what holds vectors and tuples already is not looked at
-        vectors = (
-            type(self.position)
-            is type(self.velocity)
-            is type(self.rate)
-            is type(self.specific_force)
-            is Vec3
-        )
-        tuples = (
-            type(self.joints)
-            is type(self.joint_rates)
-            is type(self.rotor_speeds)
-            is type(self.tilts)
-            is tuple
-        )
-        tuples = (
-            tuples
-            and type(self.tip_force) is type(self.switches) is type(self.holds) is tuple
-            and type(self.images) is tuple
-        )
-        if not (
-            vectors
-            and tuples
-            and type(self.quaternion) is Quaternion
-            and type(self.time) in (float, int)
-        ):
-            accept_fields(self, "measurement")
 
     @property
     def rotation(self) -> Mat3:

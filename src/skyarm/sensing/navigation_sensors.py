@@ -17,10 +17,11 @@ from typing import Annotated, ClassVar
 
 from skyarm.algebra import Scalar, Vec3
 from skyarm.algebra.scalars import data, divide, exp, log, minimum
-from skyarm.dynamics.state import State
+from skyarm.dynamics.state import BaseVelocity, State
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.sensing.channel import Channel, ChannelSensor, Quantities, SampleRate
+from skyarm.sensing.sensor import BasePosition
 from skyarm.sensing.sensor_kinds import Reading
 
 SEA_LEVEL_TEMPERATURE = 288.15
@@ -65,8 +66,8 @@ class BarometerReading(Reading):
 class GnssReading(Reading):
     """Reading of satellite navigation: position and velocity of the base origin."""
 
-    position: Annotated[Vec3, Unit("m", "position of the base origin, world axes")]
-    velocity: Annotated[Vec3, Unit("m/s", "velocity of the base origin, world axes")]
+    position: BasePosition
+    velocity: BaseVelocity
 
 
 @immutable

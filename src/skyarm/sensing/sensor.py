@@ -15,6 +15,15 @@ from skyarm.records.leaves import Tree
 from skyarm.records.units import Unit
 from skyarm.vehicle import Vehicle
 
+BasePosition = Annotated[Vec3, Unit("m", "position of the base origin, world axes")]
+
+
+FrameForce = Annotated[Vec3, Unit("N", "force at the frame, axes of the frame")]
+
+FrameTorque = Annotated[
+    Vec3, Unit("N m", "torque about the frame's origin, axes of the frame")
+]
+
 
 @immutable
 class Push:
@@ -22,10 +31,8 @@ class Push:
     frame's link and the links beyond.
     """
 
-    force: Annotated[Vec3, Unit("N", "force at the frame, axes of the frame")]
-    torque: Annotated[
-        Vec3, Unit("N m", "torque about the frame's origin, axes of the frame")
-    ]
+    force: FrameForce
+    torque: FrameTorque
 
 
 NO_PUSH = Push(force=ZERO3_DATA, torque=ZERO3_DATA)

@@ -34,9 +34,8 @@ from skyarm.algebra.scalars import (
     sub,
     where,
 )
-from skyarm.dynamics.state import State
+from skyarm.dynamics.state import JointPositions, JointRates, State
 from skyarm.records.coerce import RecordError, absent, concrete
-from skyarm.records.files import errors_as, shown
 from skyarm.records.immutable import UNWRITTEN, immutable
 from skyarm.records.leaves import Tree, leaves
 from skyarm.records.units import Unit, nonnegative, positive
@@ -47,9 +46,18 @@ from skyarm.sensing.channel import (
     Quantities,
     SampleRate,
 )
-from skyarm.sensing.sensor import NO_PUSH, Push, Sensor, at_origin
-from skyarm.vehicle import Vehicle, VehicleError
+from skyarm.sensing.sensor import (
+    NO_PUSH,
+    BasePosition,
+    FrameForce,
+    FrameTorque,
+    Push,
+    Sensor,
+    at_origin,
+)
+from skyarm.vehicle import Vehicle
 from skyarm.vehicle.check import FARTHEST
+from skyarm.world.component import require_frame
 
 
 @immutable
@@ -78,7 +86,7 @@ class PoseReading(Reading):
     base.
     """
 
-    position: Annotated[Vec3, Unit("m", "position of the base origin, world axes")]
+    position: BasePosition
     quaternion: Annotated[Quaternion, Unit("", "attitude w x y z, base to world")]
 
 
@@ -86,7 +94,7 @@ class PoseReading(Reading):
 class PositionReading(Reading):
     """Reading of satellite navigation: position of the base origin."""
 
-    position: Annotated[Vec3, Unit("m", "position of the base origin, world axes")]
+    position: BasePosition
 
 
 @immutable
@@ -100,22 +108,16 @@ class HeadingReading(Reading):
 class EncoderReading(Reading):
     """Reading of the encoders: positions and rates of all joints."""
 
-    joints: Annotated[
-        Scalars, Unit("rad or m", "joint positions, in the vehicle's order")
-    ]
-    joint_rates: Annotated[
-        Scalars, Unit("rad/s or m/s", "joint rates, in the vehicle's order")
-    ]
+    joints: JointPositions
+    joint_rates: JointRates
 
 
 @immutable
 class ForceReading(Reading):
     """Reading of a force-torque sensor: external wrench at a frame."""
 
-    force: Annotated[Vec3, Unit("N", "force at the frame, axes of the frame")]
-    torque: Annotated[
-        Vec3, Unit("N m", "torque about the frame's origin, axes of the frame")
-    ]
+    force: FrameForce
+    torque: FrameTorque
 
 
 @immutable
@@ -433,8 +435,7 @@ class FramedSensor(ChannelSensor):
 
     def require_vehicle(self, vehicle: Vehicle) -> None:
         """Refuse a vehicle that lacks the sensor's frame."""
-        with errors_as(RecordError, f"frame = {shown(self.frame)}: ", VehicleError):
-            vehicle.frame(self.frame or None)
+        require_frame(vehicle, self.frame)
         ChannelSensor.require_vehicle(self, vehicle)
 
     def examples(self, vehicle: Vehicle) -> Quantities:

@@ -360,9 +360,7 @@ class Eyes:
             for each, placed in zip(contact.surfaces, moved.surfaces, strict=True):
                 away = placed.place(times)[0] - each.position
                 poses.append((upright, vectors(away, count)))
-            poses += carrier_poses(
-                contact.objects, contact.mechanisms, carried, count
-            ).values()
+            poses += carrier_poses(contact, carried, count).values()
         records = self._scenario.vehicles.values()
         for vehicle, own in zip(records, vehicles, strict=True):
             poses += body_poses(vehicle, *own).values()

@@ -22,15 +22,16 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Generic, NamedTuple, Self, TypeVar, cast
 
 from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import add, divide, maximum, mul, sqrt, where
+from skyarm.algebra.scalars import add, divide, maximum, mul, same, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.records.field_rules import accept_fields
-from skyarm.records.files import errors_as
+from skyarm.records.coerce import RecordError
+from skyarm.records.field_rules import checked
+from skyarm.records.files import errors_as, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.records.units import Unit
-from skyarm.vehicle import BASE, Rotor, Vehicle
+from skyarm.vehicle import BASE, Rotor, Vehicle, VehicleError
 
 if TYPE_CHECKING:
     from skyarm.world.scene.scene import Instants, Scene
@@ -48,6 +49,7 @@ takes minutes to compile."""
 
 
 @immutable
+@checked("wrench", often=True)
 class Wrench:
     """Force and torque on one body of a vehicle.
 
@@ -67,17 +69,6 @@ class Wrench:
     agent: str = ""
     acts: Scalar = 1
 
-    def __post_init__(self) -> None:
-        # made at every stage of the integrator: what holds vectors already is not
-        # looked at
-        if not (
-            type(self.force_W) is type(self.torque_W) is type(self.point) is Vec3
-            and type(self.body) is int
-            and type(self.acts) in (int, float)
-            and type(self.agent) is str
-        ):
-            accept_fields(self, "wrench")
-
 
 Memory = TypeVar("Memory", bound=Tree)
 """Type of a component's internal state, ``tuple[()]`` if it has none; its time
@@ -93,8 +84,12 @@ def moved_by(memory: Memory, slope: Memory, dt: Scalar) -> Memory:
 
 
 def select(condition: Scalar, a: Vec3, b: Vec3) -> Vec3:
-    """Vector ``a`` where a condition holds, else ``b``."""
-    return Vec3(*(where(condition, x, y) for x, y in zip(a, b, strict=True)))
+    """Vector ``a`` where a condition holds, else ``b``.
+
+    Equal constants, as zeros along an axis, stay structure.
+    """
+    pairs = zip(a, b, strict=True)
+    return Vec3(*(x if same(x, y) else where(condition, x, y) for x, y in pairs))
 
 
 def shorten(vector: Vec3, most: Scalar) -> Vec3:
@@ -110,9 +105,9 @@ def require_frame(vehicle: Vehicle, frame: str) -> None:
     vehicle's tip.
 
     Raises:
-        ValueError: one line.
+        RecordError: one line.
     """
-    with errors_as(ValueError, f"frame = {frame!r}: "):
+    with errors_as(RecordError, f"frame = {shown(frame)}: ", VehicleError):
         vehicle.frame(frame or None)
 
 

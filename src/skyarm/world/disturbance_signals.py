@@ -30,7 +30,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, ClassVar
 
-from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3, Mat3, Scalar, Scalars, Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.field_rules import accept_fields
@@ -127,17 +127,13 @@ class Disturbance(NoisyComponent, Force[Numbers]):
         if self.noise is not None:
             force = force + scale_noise(self.noise.force, memory[:3])
             torque = torque + scale_noise(self.noise.torque, memory[3:])
-        if not self.frame:
-            point, body = ZERO3, BASE
-        else:
-            point, body = motion.frame(self.frame)
         # the base has no frame of its own: its axes are those of the body
+        point, R, body = ZERO3, Mat3.identity(), BASE
+        if self.frame:
+            at = motion.vehicle.frame(self.frame)
+            point, R, body = at.position, at.rotation, at.link
         if self.axes == "frame":
-            R = None if not self.frame else motion.vehicle.frame(self.frame).rotation
-            force, torque = (
-                motion.to_world(v if R is None else R.apply(v), body)
-                for v in (force, torque)
-            )
+            force, torque = (motion.to_world(R.apply(v), body) for v in (force, torque))
         return (Wrench(force_W=force, torque_W=torque, point=point, body=body),)
 
 

@@ -70,12 +70,13 @@ class Gust:
         shape: Scalar = 1
         if self.shape == "one_minus_cosine":
             shape = 0.5 * (1.0 - cos(2.0 * math.pi * since / self.duration))
-        return Vec3(*(self._in_window(t, mul(peak, shape)) for peak in self.peak))
-
-    def _in_window(self, t: Scalar, value: Scalar) -> Scalar:
-        if absent(value):
-            # a direction without a gust stays structure
-            return 0
-        return where(
-            t < self.start, 0.0, where(t < self.start + self.duration, value, 0.0)
+        ends = self.start + self.duration
+        return Vec3(
+            *(
+                # a direction without a gust stays structure
+                0
+                if absent(value)
+                else where(t < self.start, 0.0, where(t < ends, value, 0.0))
+                for value in (mul(peak, shape) for peak in self.peak)
+            )
         )

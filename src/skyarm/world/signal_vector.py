@@ -15,7 +15,9 @@ from skyarm.records.files import filled_list, shown
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.records.units import nonnegative, positive
-from skyarm.reference.signals import Constant, Signal, signal_from
+from skyarm.reference.signal_tables import component_from
+from skyarm.reference.signals import Constant, Signal
+from skyarm.reference.tip_motion import vector_derivatives
 
 NONE = Constant(0)
 """Absent component of a signal vector: a structural zero."""
@@ -34,7 +36,7 @@ class SignalVector:
 
     def to_entry(self) -> list[Entry]:
         """File entry of a vector of time signals: a list of three signals."""
-        return [self.x.to_entry(), self.y.to_entry(), self.z.to_entry()]
+        return [each.to_entry() for each in self.signals]
 
     @classmethod
     def from_table(cls, entry: Entry, where: str) -> SignalVector:
@@ -44,23 +46,18 @@ class SignalVector:
             filled_list(entry, where, "a list of three signals of time, x, y and z", 3),
             strict=True,
         )
-        return cls(**{axis: _signal(each, f"{where}.{axis}") for axis, each in signals})
+        return cls(
+            **{axis: component_from(each, f"{where}.{axis}") for axis, each in signals}
+        )
+
+    @property
+    def signals(self) -> tuple[Signal, Signal, Signal]:
+        """Signals of x, y and z."""
+        return self.x, self.y, self.z
 
     def at(self, t: Scalar) -> Vec3:
         """Value of the vector at time t (s)."""
-        return Vec3(*(signal.derivatives(t)[0] for signal in (self.x, self.y, self.z)))
-
-
-def _signal(entry: Entry, where: str) -> Signal:
-    """Time signal from a value of a scenario file; an exact zero becomes a constant of
-    compiled code.
-    """
-    # by type: False is equal to zero, and no number
-    return (
-        NONE
-        if type(entry) in (int, float) and entry == 0.0
-        else signal_from(entry, where)
-    )
+        return vector_derivatives(self.signals, t)[0]
 
 
 NO_SIGNALS = SignalVector()

@@ -245,14 +245,7 @@ class TimedPayload(Component[PayloadMemory]):
         """Drawn ball of the payload before, during and after it is carried."""
         from skyarm.world.payload_scene import payload_scene
 
-        return payload_scene(
-            seen,
-            name=self.name,
-            mass=float(self.mass),
-            frame=self.frame,
-            com=self.com,
-            rigid=self.rigid,
-        )
+        return payload_scene(self, seen)
 
     def next_status(
         self, memory: PayloadMemory, t: Scalar, position_W: Vec3

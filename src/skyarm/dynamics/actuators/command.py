@@ -6,12 +6,13 @@ from typing import Annotated
 
 from skyarm.algebra import Scalars
 from skyarm.algebra.scalars import data
-from skyarm.records.field_rules import accept_fields
+from skyarm.records.field_rules import checked
 from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.units import Unit
 
 
 @immutable
+@checked("command", often=True)
 class Command:
     """Command to the actuators: rotor speeds (rad/s), joint setpoints, angles of
     tilting rotors.
@@ -33,13 +34,6 @@ class Command:
     tilts: Annotated[Scalars, Unit("rad", "commanded angles of the tilting rotors")] = (
         field_if_any(default=())
     )
-
-    def __post_init__(self) -> None:
-        # made in every period: what holds tuples already is not looked at
-        if not (
-            type(self.rotor_speeds) is type(self.efforts) is type(self.tilts) is tuple
-        ):
-            accept_fields(self, "command")
 
     def dense(self) -> Command:
         """Command with integers converted to floats, which compiled code keeps as

@@ -42,6 +42,10 @@ WIDEST = 3.0
 
 Range = tuple[float, float]
 
+Rows = Annotated[int, Unit("", "number of rows", low=1, fixed=True)]
+
+Columns = Annotated[int, Unit("", "number of columns", low=1, fixed=True)]
+
 
 @immutable
 @checked("")
@@ -210,8 +214,8 @@ class DepthCamera(RaySensor):
 
     sizes: ClassVar[tuple[str, str]] = "height", "width"
 
-    width: Annotated[int, Unit("", "number of columns", low=1, fixed=True)] = 64
-    height: Annotated[int, Unit("", "number of rows", low=1, fixed=True)] = 48
+    width: Columns = 64
+    height: Rows = 48
     field_of_view: Annotated[
         float,
         positive(
@@ -248,8 +252,8 @@ class Lidar(RaySensor):
 
     sizes: ClassVar[tuple[str, str]] = "rows", "columns"
 
-    rows: Annotated[int, Unit("", "number of rows", low=1, fixed=True)] = 16
-    columns: Annotated[int, Unit("", "number of columns", low=1, fixed=True)] = 360
+    rows: Rows = 16
+    columns: Columns = 360
     elevation: Annotated[
         Range,
         Unit(

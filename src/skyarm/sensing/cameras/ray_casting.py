@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra import ZERO3_DATA, Mat3
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.shared_steps import Arguments
 from skyarm.compile.tracing.program import trace_loop
@@ -25,16 +25,14 @@ PLANE = 1e9
 WIDTH = 16 + SIZES + 3
 """Numbers of a row (:class:`skyarm.sensing.cameras.rays.ShapeRow`)."""
 
-_ZERO = Vec3(0.0, 0.0, 0.0)
-
 
 @cache
 def _kernel(kinds: tuple[str, ...]) -> Kernel:
     """Machine code that meets rays with shapes of some kinds."""
-    matrix, size = Mat3(_ZERO, _ZERO, _ZERO), (0.0,) * SIZES
-    row = ShapeRow(matrix, _ZERO, _ZERO, 0.0, size, 0.0, 0.0, 0.0)
+    matrix, size = Mat3(ZERO3_DATA, ZERO3_DATA, ZERO3_DATA), (0.0,) * SIZES
+    row = ShapeRow(matrix, ZERO3_DATA, ZERO3_DATA, 0.0, size, 0.0, 0.0, 0.0)
     step = meet(kinds)
-    return Kernel(trace_loop(step, (0.0,) * 4, _ZERO, row, loops=True))
+    return Kernel(trace_loop(step, (0.0,) * 4, ZERO3_DATA, row, loops=True))
 
 
 def _rows(part: Part, kind: int, number: int) -> Iterator[list[float]]:

@@ -21,15 +21,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any, ClassVar
 
-from skyarm.algebra import ZERO3, Motion, Scalar, Vec3
+from skyarm.algebra import ZERO3, ZERO3_DATA, Motion, Scalar, Vec3
 from skyarm.algebra.scalars import data, exp, logical_and, logical_not, where
 from skyarm.dynamics.actuators import Command, tilting
 from skyarm.dynamics.actuators.rotor import speeds_after
 from skyarm.records.coerce import RecordError
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import blend
+from skyarm.records.leaves import as_data, blend
 from skyarm.sensing.estimate.error_state import (
     Covariance,
     Navigated,
@@ -110,25 +111,22 @@ class ErrorStateFilter(FilterNumbers):
         """
         # the present, and the periods by which the filter lags behind it
         still, waiting = (0.0,) * vehicle.n, self.delay_periods + 1
-        zero = Vec3(0.0, 0.0, 0.0)
         return FilterMemory(
             started=0.0,
-            belief=(
-                replace(BLANK_BELIEF, push=zero) if self.uses_model else BLANK_BELIEF
-            ),
+            belief=replace(BLANK_BELIEF, push=ZERO3_DATA if self.uses_model else ZERO3),
             covariance=self.first_covariance(),
             inertial=(BLANK_INERTIAL,) * waiting,
             aiding=tuple(
                 (BLANK_READINGS[kind],) * waiting for kind in AIDS[self.aiding]
             ),
             joints=FilteredJoints(joints=still, rates=still, read=0.0),
-            modelled=(zero,) * waiting if self.uses_model else (),
+            modelled=(ZERO3_DATA,) * waiting if self.uses_model else (),
             rotor_speeds=(0.0,) * len(vehicle.rotors),
             taken=0.0,
             refused=0.0,
             surprise=0.0,
             # without a lever no turning is needed: structure, which folds away
-            slow_rate=ZERO3 if at_origin(self.lever) else zero,
+            slow_rate=ZERO3 if at_origin(self.lever) else ZERO3_DATA,
         )
 
     def step(
@@ -196,17 +194,11 @@ class ErrorStateFilter(FilterNumbers):
             self.vehicle.rotors, memory.rotor_speeds, command.rotor_speeds, dt
         )
         # before the first step the rotors are taken at their commanded speeds
-        speeds = tuple(
-            data(where(started, a, b))
-            for a, b in zip(turned, command.rotor_speeds, strict=True)
-        )
+        speeds = blend(started, turned, as_data(command.rotor_speeds))
         if not self.uses_model:
             return replace(memory, rotor_speeds=speeds)
         belief, joints = memory.belief, memory.joints
-        old = tuple(
-            where(started, a, b)
-            for a, b in zip(memory.rotor_speeds, speeds, strict=True)
-        )
+        old = blend(started, memory.rotor_speeds, speeds)
         rate = imu.rate - belief.gyro_bias
         velocity = belief.quaternion.rotation().apply_T(belief.velocity) - rate.cross(
             self.lever
@@ -299,9 +291,7 @@ class ErrorStateFilter(FilterNumbers):
         """
         present = memory.belief
         # a period without a reading repeats the one before, so its step is of 0 s
-        for i, (old, new) in enumerate(
-            zip(memory.inertial, memory.inertial[1:], strict=False)
-        ):
+        for i, (old, new) in enumerate(pairwise(memory.inertial)):
             given = memory.modelled[i + 1] if self.uses_model else None
             present, _ = navigate(
                 present, old, new, self.gravity, new.time - old.time, given
@@ -310,13 +300,8 @@ class ErrorStateFilter(FilterNumbers):
         if joints:
             # without a bandwidth joints are as the encoders read them
             read = self.joint_bandwidth <= 0.0
-            joints = tuple(
-                where(read, a, b) for a, b in zip(encoders.joints, joints, strict=True)
-            )
-            rates = tuple(
-                where(read, a, b)
-                for a, b in zip(encoders.joint_rates, rates, strict=True)
-            )
+            joints = blend(read, encoders.joints, joints)
+            rates = blend(read, encoders.joint_rates, rates)
         return Measurement(
             time=data(imu.time),
             position=present.position,

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any
 
-from skyarm.algebra import ZERO3, Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3, ZERO3_DATA, Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import logical_and, logical_or, mul, sqrt
 from skyarm.dynamics.actuators.drive import Drive
 from skyarm.records.coerce import RecordError
@@ -51,22 +51,21 @@ TURNING = 100.0
 densities its error, 0.005 rad/s^2 sqrt(bandwidth^3 / 2), moves the specific force at a
 lever arm of 0.1 m by less than the accelerometer's own noise."""
 
-# zeros of floats are data: as ints they would be structure that never changes
-_ORIGIN = Vec3(0.0, 0.0, 0.0)
 _LEVEL = Quaternion(1.0, 0.0, 0.0, 0.0)
 
-BLANK_INERTIAL = ImuReading(time=0.0, rate=_ORIGIN, specific_force=_ORIGIN)
+# zeros of floats are data: as ints they would be structure that never changes
+BLANK_INERTIAL = ImuReading(time=0.0, rate=ZERO3_DATA, specific_force=ZERO3_DATA)
 BLANK_READINGS: dict[type, Aid] = {
-    PoseReading: PoseReading(time=0.0, position=_ORIGIN, quaternion=_LEVEL),
-    PositionReading: PositionReading(time=0.0, position=_ORIGIN),
+    PoseReading: PoseReading(time=0.0, position=ZERO3_DATA, quaternion=_LEVEL),
+    PositionReading: PositionReading(time=0.0, position=ZERO3_DATA),
     HeadingReading: HeadingReading(time=0.0, heading=0.0),
 }
 BLANK_BELIEF = Navigated(
-    position=_ORIGIN,
-    velocity=_ORIGIN,
+    position=ZERO3_DATA,
+    velocity=ZERO3_DATA,
     quaternion=_LEVEL,
-    gyro_bias=_ORIGIN,
-    accelerometer_bias=_ORIGIN,
+    gyro_bias=ZERO3_DATA,
+    accelerometer_bias=ZERO3_DATA,
 )
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from itertools import product, repeat
-from typing import TYPE_CHECKING, Annotated, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from skyarm.algebra import ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import sqrt, where
@@ -25,7 +25,14 @@ from skyarm.records.immutable import UNWRITTEN, derived_field, field_if_any, imm
 from skyarm.records.leaves import as_data, rebuild
 from skyarm.records.units import Unit, nonnegative
 from skyarm.vehicle import Vehicle, VehicleError
-from skyarm.world.component import COLLISIONS, MOST_STEPS, Column, Wrench, moved_by
+from skyarm.world.component import (
+    COLLISIONS,
+    MOST_STEPS,
+    Column,
+    Wrench,
+    moved_by,
+    require_frame,
+)
 from skyarm.world.contact.carrier import NOBODY
 from skyarm.world.contact.contact_memory import ContactMemory
 from skyarm.world.contact.contact_point import ContactPoint, wrenches_on
@@ -47,9 +54,7 @@ FARTHEST = 0.05
 """Largest distance (m) between a vehicle's frame and the place of its grasp, beyond a
 cable's length, at the start."""
 
-P = TypeVar("P", ContactPoint, Gripper, Grasp, VehicleBody)
-
-STRAIGHT = Mat3(Vec3(1.0, 0.0, 0.0), Vec3(0.0, 1.0, 0.0), Vec3(0.0, 0.0, 1.0))
+STRAIGHT = as_data(Mat3.identity())
 """Rotation by no angle, whose entries may vary."""
 
 TIP = "tip"
@@ -215,17 +220,13 @@ class Contact(ContactSteps):
 
     def of_agent(self, name: str) -> Contact:
         """Contact model with the points, grippers and grasps of one vehicle alone."""
-
-        def own(parts: tuple[P, ...]) -> tuple[P, ...]:
-            return tuple(each for each in parts if each.agent in ("", name))
-
-        return replace(
-            self,
-            points=own(self.points),
-            grippers=own(self.grippers),
-            grasps=own(self.grasps),
-            vehicle_bodies=own(self.vehicle_bodies),
-        )
+        own = {
+            kind: tuple(
+                each for each in getattr(self, kind) if each.agent in ("", name)
+            )
+            for kind in ("points", "grippers", "grasps", "vehicle_bodies")
+        }
+        return replace(self, **own)
 
     def touching(self, vehicle: Vehicle) -> set[int]:
         """Bodies of a vehicle (BASE or index of a link) that bear contact points,
@@ -289,10 +290,7 @@ class Contact(ContactSteps):
             for i, holder in enumerate(getattr(self, kind)):
                 vehicle = _vehicle_of(holder.agent, vehicles, f"world.{kind}[{i}]")
                 with errors_as(RecordError, f"world.{kind}[{i}]."):
-                    with errors_as(
-                        RecordError, f"frame = {shown(holder.frame)}: ", VehicleError
-                    ):
-                        vehicle.frame(holder.frame or None)
+                    require_frame(vehicle, holder.frame)
                     if kind == "grasps":
                         holder.require_heavy(vehicle)
         if self.grippers and not carriers:
@@ -690,16 +688,7 @@ class Contact(ContactSteps):
         """
         from skyarm.world.contact.contact_scene import contact_scene
 
-        return contact_scene(
-            seen,
-            self.surfaces,
-            self.points,
-            self.objects,
-            self.mechanisms,
-            self.grasps,
-            self.vehicle_bodies,
-            self.body_pairs,
-        )
+        return contact_scene(self, seen)
 
     def warnings(self, vehicle: Vehicle, step: float) -> Sequence[str]:
         """Warnings about contact that needs very short steps, and about ball grippers

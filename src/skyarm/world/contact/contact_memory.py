@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from skyarm.algebra import Force, Mat3, Scalars, Vec3
+from skyarm.algebra import Force, Mat3, Scalar, Scalars, Vec3
 from skyarm.records.immutable import immutable
 from skyarm.world.contact.gripper import Grip
 
@@ -45,3 +45,8 @@ class ContactMemory:
     places: tuple[Vec3, ...] = ()
     constraints: tuple[Force, ...] = ()
     touches: tuple[Scalars, ...] = ()
+
+    @property
+    def time(self) -> Scalar:
+        """Time of the world's surfaces, s; 0 where none moves."""
+        return (*self.clock, 0.0)[0]

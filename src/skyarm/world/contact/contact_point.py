@@ -226,53 +226,26 @@ world axes."""
 
 def moving_points(points: Sequence[ContactPoint], motion: PointMotion) -> list[Moving]:
     """Position, velocity and angular velocity of every contact point, world axes."""
-    rows = dict[int, Moving]()
-    for agent, own in _by_agent(points):
-        rows |= dict(
-            zip(
-                own,
-                _moving_points([points[i] for i in own], motion.of(agent)),
-                strict=True,
-            )
-        )
-    return [rows[i] for i in range(len(points))]
-
-
-def _by_agent(points: Sequence[ContactPoint]) -> list[tuple[str, list[int]]]:
-    """Names of the vehicles that contact points are on, each with the numbers of its
-    points.
-    """
-    names = dict.fromkeys(point.agent for point in points)
-    return [
-        (name, [i for i, point in enumerate(points) if point.agent == name])
-        for name in names
-    ]
-
-
-def _moving_points(points: Sequence[ContactPoint], motion: PointMotion) -> list[Moving]:
-    """Position, velocity and angular velocity of the contact points of one vehicle."""
-    places, shared = _places(points, motion)
-    axes = {body: body_axes(motion, body) for body in shared}
     rows = list[Moving]()
-    for point, (at, body) in zip(points, places, strict=True):
+    placed, axes = _places(points, motion)
+    for point, (at, body) in zip(points, placed, strict=True):
+        own = motion.of(point.agent)
         ball = not absent(point.radius)
-        if body in shared:
-            lever = axes[body].apply(at)
-            turning = motion.to_world(motion.angular_velocity(body), body)
-            position = motion.position(ZERO3, body)
-            velocity = motion.velocity(ZERO3, body)
+        turning = ZERO3
+        shared = axes.get((point.agent, body))
+        if ball or shared is not None:
+            turning = own.to_world(own.angular_velocity(body), body)
+        if shared is None:
+            rows.append((own.position(at, body), own.velocity(at, body), turning))
+        else:
+            lever = shared.apply(at)
             rows.append(
                 (
-                    position + lever,
-                    velocity + turning.cross(lever),
+                    own.position(ZERO3, body) + lever,
+                    own.velocity(ZERO3, body) + turning.cross(lever),
                     turning if ball else ZERO3,
                 )
             )
-        else:
-            turning = (
-                motion.to_world(motion.angular_velocity(body), body) if ball else ZERO3
-            )
-            rows.append((motion.position(at, body), motion.velocity(at, body), turning))
     return rows
 
 
@@ -284,53 +257,44 @@ def wrenches_on(
     """Wrenches on the vehicles' bodies from a force (N) and a torque (N m) at every
     contact point.
     """
-    wrenches = list[Wrench]()
-    for agent, own in _by_agent(points):
-        wrenches += _wrenches_on(
-            [points[i] for i in own], motion.of(agent), [pushes[i] for i in own], agent
-        )
-    return wrenches
-
-
-def _wrenches_on(
-    points: Sequence[ContactPoint],
-    motion: PointMotion,
-    pushes: Sequence[tuple[Vec3, Vec3]],
-    agent: str,
-) -> list[Wrench]:
-    """Wrenches on the bodies of one vehicle from a force (N) and a torque (N m) at each
-    of its contact points.
-    """
-    places, shared = _places(points, motion)
-    axes = {body: body_axes(motion, body) for body in shared}
-    whole = dict[int, Wrench]()
+    placed, axes = _places(points, motion)
+    whole = dict[tuple[str, int], Wrench]()
     single = list[Wrench]()
-    for (at, body), (force, torque) in zip(places, pushes, strict=True):
-        if body in shared:
+    for point, (at, body), (force, torque) in zip(points, placed, pushes, strict=True):
+        key = point.agent, body
+        wrench = Wrench(
+            force_W=force, torque_W=torque, point=at, body=body, agent=point.agent
+        )
+        if key in axes:
             # points of one body share one transformation of their wrench
-            sum_of = whole.get(body, Wrench(body=body, agent=agent))
-            moment = sum_of.torque_W + torque + axes[body].apply(at).cross(force)
-            whole[body] = Wrench(
-                force_W=sum_of.force_W + force, torque_W=moment, body=body, agent=agent
+            before = whole.get(key, Wrench())
+            moment = before.torque_W + torque + axes[key].apply(at).cross(force)
+            whole[key] = replace(
+                wrench,
+                force_W=before.force_W + force,
+                torque_W=moment,
+                point=ZERO3,
             )
         else:
-            single.append(
-                Wrench(force_W=force, torque_W=torque, point=at, body=body, agent=agent)
-            )
+            single.append(wrench)
     return [*whole.values(), *single]
 
 
 def _places(
     points: Sequence[ContactPoint], motion: PointMotion
-) -> tuple[list[tuple[Vec3, int]], list[int]]:
-    """Position (m, body axes) and body of each contact point, and the bodies on which
-    contact forces are added up.
+) -> tuple[list[tuple[Vec3, int]], dict[tuple[str, int], Mat3]]:
+    """Position (m, body axes) and body of each contact point, and rotations to world
+    axes of the bodies on which contact forces are added up, by vehicle and body.
     """
-    places = [point.place(motion.vehicle) for point in points]
-    bodies = [body for _, body in places]
-    return places, [
-        body for body in dict.fromkeys(bodies) if body == BASE or bodies.count(body) > 1
+    placed = [point.place(motion.of(point.agent).vehicle) for point in points]
+    bodies = [
+        (point.agent, body) for point, (_, body) in zip(points, placed, strict=True)
     ]
+    return placed, {
+        (agent, body): body_axes(motion.of(agent), body)
+        for agent, body in dict.fromkeys(bodies)
+        if body == BASE or bodies.count((agent, body)) > 1
+    }
 
 
 def body_axes(motion: PointMotion, body: int) -> Mat3:

@@ -9,19 +9,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
 from skyarm.algebra import Scalar, Vec3
 from skyarm.records.arrays import Array, doubles
 from skyarm.vehicle import BASE, Vehicle
-from skyarm.world.contact.carrier import AnyCarrier
+from skyarm.world.contact.carrier import NOBODY
 from skyarm.world.contact.contact_point import ContactPoint
-from skyarm.world.contact.free_object import FreeObject
+from skyarm.world.contact.contact_steps import ContactSteps
 from skyarm.world.contact.grasp import Grasp
-from skyarm.world.contact.mechanism import Mechanism
 from skyarm.world.contact.surface import Surface, heights_of
-from skyarm.world.contact.vehicle_bodies import BodyPair, VehicleBody, surface_of
+from skyarm.world.contact.vehicle_bodies import surface_of
 from skyarm.world.scene.scene import PATCH, Arrow, Instants, Line, Scene
 from skyarm.world.scene.shapes import (
     OBJECT,
@@ -54,45 +54,37 @@ LEVEL = 1e-9
 """Largest horizontal component of the normal of a plane that counts as level."""
 
 
-def contact_scene(
-    seen: Instants,
-    surfaces: Sequence[Surface],
-    points: Sequence[ContactPoint],
-    objects: Sequence[FreeObject],
-    mechanisms: Sequence[Mechanism],
-    grasps: Sequence[Grasp],
-    bodies: Sequence[VehicleBody] = (),
-    pairs: Sequence[BodyPair] = (),
-) -> Scene:
+def contact_scene(contact: ContactSteps, seen: Instants) -> Scene:
     """Drawn shapes and force arrows of the contact model at some instants of a
     flight.
     """
-    carriers: tuple[AnyCarrier, ...] = (*objects, *mechanisms)
-    poses = carrier_poses(objects, mechanisms, seen.numbers, len(seen.times))
-    ground = ground_of(surfaces)
-    solids = [_surface_solid(each, seen) for each in surfaces if each is not ground]
-    carried = [
-        (surface, *poses[i])
-        for i, each in enumerate(carriers)
-        for surface in each.surfaces
+    poses = carrier_poses(contact, seen.numbers, len(seen.times))
+    ground = ground_of(contact.surfaces)
+    solids = [
+        _surface_solid(each, seen) for each in contact.surfaces if each is not ground
     ]
-    solids += [
-        _carrier_solid(surface, rotation, position)
-        for surface, rotation, position in carried
+    placed = [
+        (surface, *(AT_REST if of == NOBODY else poses[of]))
+        for of, surface in contact.every_surface
     ]
-    own = [each for each in points if each.agent in ("", seen.name) or not seen.name]
-    frames = {each.name: poses[i] for i, each in enumerate(carriers)}
+    solids += [_carrier_solid(*each) for each in placed[len(contact.surfaces) :]]
+    own = [
+        each
+        for each in contact.points
+        if each.agent in ("", seen.name) or not seen.name
+    ]
+    frames = {each.name: poses[i] for i, each in enumerate(contact.carriers)}
     drawn = [
         _grasp_scene(each, i, *frames[each.body], seen)
-        for i, each in enumerate(grasps)
+        for i, each in enumerate(contact.grasps)
         if seen.has(each.agent)
     ]
     return Scene(
         solids=(*solids, *(solid for each in drawn for solid in each.solids)),
         lines=tuple(line for each in drawn for line in each.lines),
         arrows=(
-            *_touch_arrows(points, surfaces, carried, seen),
-            *_body_arrows(bodies, pairs, surfaces, carriers, poses, seen),
+            *_touch_arrows(contact.points, placed, seen),
+            *_body_arrows(contact, poses, seen),
             *(arrow for each in drawn for arrow in each.arrows),
         ),
         attached=tuple(_point_shapes(own, seen.vehicle)),
@@ -166,30 +158,26 @@ def _relief(surface: Surface, name: str) -> Shape:
 
 
 def carrier_poses(
-    objects: Sequence[FreeObject],
-    mechanisms: Sequence[Mechanism],
-    numbers: Mapping[str, Array],
-    count: int,
+    contact: ContactSteps, numbers: Mapping[str, Array], count: int
 ) -> Poses:
     """Rotations (N, 3, 3) and positions (N, 3) of free objects and mechanisms at N
     instants, by index.
 
     Args:
-        objects: free objects.
-        mechanisms: they follow.
+        contact: contact model.
         numbers: logged arrays with N rows.
         count: N.
     """
     poses = Poses()
-    for i in range(len(objects)):
+    for i in range(len(contact.objects)):
         quaternion = numbers["object_quaternion"][:, 4 * i : 4 * i + 4]
         poses[i] = (
             rotations_of(quaternion),
             numbers["object_position"][:, 3 * i : 3 * i + 3],
         )
-    for i, mechanism in enumerate(mechanisms):
+    for i, mechanism in enumerate(contact.mechanisms):
         frame = mechanism.frame_at(numbers["mechanism_position"][:, i])
-        poses[len(objects) + i] = (
+        poses[len(contact.objects) + i] = (
             matrices(frame.rotation, count),
             vectors(frame.position, count),
         )
@@ -301,16 +289,13 @@ def _point_shapes(points: Iterable[ContactPoint], vehicle: Vehicle) -> Iterator[
 
 def _touch_arrows(
     points: Sequence[ContactPoint],
-    surfaces: Iterable[Surface],
-    carried: Iterable[tuple[Surface, Array, Array]],
+    placed: Iterable[tuple[Surface, Array, Array]],
     seen: Instants,
 ) -> Iterator[Arrow]:
     """Arrows of the normal forces of each surface on each contact point of the
     vehicle.
     """
-    every = [*((each, *AT_REST) for each in surfaces), *carried]
-    pairs = [(*surface, point) for surface in every for point in points]
-    for i, (surface, turn, origin, point) in enumerate(pairs):
+    for i, ((surface, *pose), point) in enumerate(product(placed, points)):
         if not seen.has(point.agent):
             continue
         force = seen.numbers["contact_force"][:, i]
@@ -322,7 +307,7 @@ def _touch_arrows(
         if not np.any(force > 0.0):
             yield Arrow(name, middle, np.zeros_like(middle))
             continue
-        _, normal = _skin(surface, (turn, origin), middle, point.radius, seen.times)
+        _, normal = _skin(surface, pose, middle, point.radius, seen.times)
         yield Arrow(
             name, middle - float(point.radius) * normal, force[:, None] * normal
         )
@@ -330,7 +315,7 @@ def _touch_arrows(
 
 def _skin(
     surface: Surface,
-    pose: tuple[Array, Array],
+    pose: Sequence[Array],
     at: Array,
     radius: Scalar,
     times: Array,
@@ -353,30 +338,27 @@ def _skin(
 
 
 def _body_arrows(
-    bodies: Sequence[VehicleBody],
-    pairs: Sequence[BodyPair],
-    surfaces: Sequence[Surface],
-    carriers: Sequence[AnyCarrier],
-    poses: Poses,
-    seen: Instants,
+    contact: ContactSteps, poses: Poses, seen: Instants
 ) -> Iterator[Arrow]:
     """Arrows of the normal forces on bodies of vehicles that have shapes.
 
     They stand at the mean places of touch, along the normal of the other body's nearest
     shape.
     """
-    for i, pair in enumerate(pairs):
+    bodies = contact.vehicle_bodies
+    for i, pair in enumerate(contact.body_pairs):
         body, name = bodies[pair.body], f"touch/{pair.name}"
         other = bodies[pair.index] if pair.other == "body" else body
         if not (seen.has(body.agent) and seen.has(other.agent)):
             continue
         force = seen.numbers["collision_force"][:, i]
         place = seen.numbers["collision_place"][:, 3 * i : 3 * i + 3]
-        pose: tuple[Array, Array] = AT_REST
+        pose: Sequence[Array] = AT_REST
         if pair.other == "surface":
-            shapes = [surfaces[pair.index]]
+            shapes = [contact.surfaces[pair.index]]
         elif pair.other == "carrier":
-            shapes, pose = [*carriers[pair.index].surfaces], poses[pair.index]
+            shapes = [*contact.carriers[pair.index].surfaces]
+            pose = poses[pair.index]
         else:
             own = seen.of(other.agent)
             shapes = [surface_of(own.vehicle.shapes[k]) for k in other.shapes]

@@ -12,7 +12,17 @@ from dataclasses import field, replace
 from functools import reduce
 from typing import Annotated
 
-from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Quaternion, Scalar, Scalars, Vec3
+from skyarm.algebra import (
+    E_X,
+    E_Y,
+    E_Z,
+    ZERO3,
+    ZERO3_DATA,
+    Quaternion,
+    Scalar,
+    Scalars,
+    Vec3,
+)
 from skyarm.algebra.scalars import (
     absolute,
     add,
@@ -49,9 +59,6 @@ STEP_SHARE = 0.7
 another speed than it came, and the work at its skin grows with (speed * step)^2. Thrown
 boxes, cylinders and balls of 3 g to 3 kg gain less than 0.1 % of energy (measured; 0.15
 % at a fraction of 1)."""
-
-REST = Vec3(0.0, 0.0, 0.0)
-"""Default of initial vectors: zeros that may vary, not structure."""
 
 LOGGED = (
     ("position", "xyz", "m", "middle, world axes,"),
@@ -123,7 +130,7 @@ class FreeObject(Carrier[ObjectMotion]):
         Unit(
             "m", "initial position of the middle of the shape, world axes", begins=True
         ),
-    ] = REST
+    ] = ZERO3_DATA
     angles: Annotated[
         Vec3,
         Unit(
@@ -131,14 +138,14 @@ class FreeObject(Carrier[ObjectMotion]):
             "initial roll, pitch, yaw: about x, then y, then z of the world",
             begins=True,
         ),
-    ] = REST
+    ] = ZERO3_DATA
     velocity: Annotated[
         Vec3,
         Unit("m/s", "initial velocity of the centre of mass, world axes", begins=True),
-    ] = REST
+    ] = ZERO3_DATA
     angular_velocity: Annotated[
         Vec3, Unit("rad/s", "initial angular velocity, world axes", begins=True)
-    ] = REST
+    ] = ZERO3_DATA
     standing: bool = False
     material: Material = field(default_factory=Material)
     mesh: str = field_if_any(default="")
@@ -255,7 +262,7 @@ class FreeObject(Carrier[ObjectMotion]):
         )
         xy, xz, yz = map(absolute, beside)
         rows = (diagonal[0] + xy + xz, diagonal[1] + xy + yz, diagonal[2] + xz + yz)
-        return 1.0 / self.mass + maximum(maximum(rows[0], rows[1]), rows[2])
+        return 1.0 / self.mass + reduce(maximum, rows)
 
     @property
     def step_share(self) -> float:
@@ -278,8 +285,7 @@ class FreeObject(Carrier[ObjectMotion]):
     @property
     def gyration(self) -> Scalar:
         """Smallest squared radius of gyration of the free object, m^2."""
-        moments = self.moments
-        return minimum(minimum(moments.x, moments.y), moments.z) / self.mass
+        return reduce(minimum, self.moments) / self.mass
 
     def start(self) -> ObjectMotion:
         """Initial state of the free object, from its initial pose and velocities."""
@@ -433,9 +439,34 @@ def largest_mobility(
         moments: moments of inertia about the centre of mass, kg m^2.
     """
     halves: Sequence[Scalar]
-    least = minimum(minimum(moments.x, moments.y), moments.z)
+    least = reduce(minimum, moments)
     if shape == "sphere":
         return 1.0 / mass + _reach(size[0], com) / least
+
+    def face(count: int, a: int, b: int, spread_a: Scalar, spread_b: Scalar) -> Scalar:
+        """Upper bound of the inverse effective mass (1/kg) of a face between the axes
+        ``a`` and ``b`` that rests on ``count`` contacts.
+
+        The spreads are sums of squares of their places along a and along b about the
+        middle, m^2.
+        """
+        # a place along b turns about a
+        sink = count / mass
+        off_a, off_b = com[a], com[b]
+        about_a = add(spread_b, mul(count * 1.0, mul(off_b, off_b))) / moments[a]
+        about_b = add(spread_a, mul(count * 1.0, mul(off_a, off_a))) / moments[b]
+        with_a = mul(_size(off_b), count / sqrt(mass * moments[a]))
+        with_b = mul(_size(off_a), count / sqrt(mass * moments[b]))
+        share = count / sqrt(moments[a] * moments[b])
+        both = mul(mul(_size(off_a), _size(off_b)), share)
+        # row sums bound the largest eigenvalue (Gershgorin)
+        rows = (
+            add(add(sink, with_a), with_b),
+            add(add(about_a, with_a), both),
+            add(add(about_b, with_b), both),
+        )
+        return reduce(maximum, rows)
+
     if shape == "cylinder":
         radius = size[0]
         half = 0.5 * size[1]
@@ -443,24 +474,15 @@ def largest_mobility(
         # three points at 120 degrees: each axis has half of 3 r^2
         stands = 1.5 * radius * radius
         faces = [
-            _face(3, stands, stands, com.x, com.y, mass, moments.x, moments.y),
-            _face(2, 2.0 * half * half, 0, com.z, com.x, mass, moments.z, moments.x),
-            _face(2, 2.0 * half * half, 0, com.z, com.y, mass, moments.z, moments.y),
+            face(3, 0, 1, stands, stands),
+            face(2, 2, 0, 2.0 * half * half, 0),
+            face(2, 2, 1, 2.0 * half * half, 0),
         ]
     else:
         halves = tuple(0.5 * each for each in size)
+        spreads = [4.0 * each * each for each in halves]
         faces = [
-            _face(
-                4,
-                4.0 * halves[a] * halves[a],
-                4.0 * halves[b] * halves[b],
-                com[a],
-                com[b],
-                mass,
-                moments[a],
-                moments[b],
-            )
-            for a, b in ((0, 1), (1, 2), (2, 0))
+            face(4, a, b, spreads[a], spreads[b]) for a, b in ((0, 1), (1, 2), (2, 0))
         ]
     ends = [
         1.0 / mass + _reach(half, Vec3(0, 0, com[i])) / least
@@ -477,45 +499,6 @@ def _reach(distance: Scalar, com: Vec3) -> Scalar:
     for each in com:
         away = add(away, _size(each))
     return away * away
-
-
-def _face(
-    count: int,
-    spread_a: Scalar,
-    spread_b: Scalar,
-    off_a: Scalar,
-    off_b: Scalar,
-    mass: Scalar,
-    moment_a: Scalar,
-    moment_b: Scalar,
-) -> Scalar:
-    """Upper bound of the inverse effective mass (1/kg) of a box or cylinder face that
-    rests on several contacts.
-
-    Args:
-        count: number of contacts.
-        spread_a: sum of squares of their places along a about the middle, m^2.
-        spread_b: sum along b, m^2.
-        off_a: place of the centre of mass along a, m.
-        off_b: place along b, m.
-        mass: kg.
-        moment_a: moment of inertia about the centre of mass and the axis a, kg m^2.
-        moment_b: moment about the axis b, kg m^2.
-    """
-    # a place along b turns about a
-    sink = count / mass
-    about_a = add(spread_b, mul(count * 1.0, mul(off_b, off_b))) / moment_a
-    about_b = add(spread_a, mul(count * 1.0, mul(off_a, off_a))) / moment_b
-    with_a = mul(_size(off_b), count / sqrt(mass * moment_a))
-    with_b = mul(_size(off_a), count / sqrt(mass * moment_b))
-    both = mul(mul(_size(off_a), _size(off_b)), count / sqrt(moment_a * moment_b))
-    # row sums bound the largest eigenvalue (Gershgorin)
-    rows = (
-        add(add(sink, with_a), with_b),
-        add(add(about_a, with_a), both),
-        add(add(about_b, with_b), both),
-    )
-    return maximum(maximum(rows[0], rows[1]), rows[2])
 
 
 def _size(value: Scalar) -> Scalar:

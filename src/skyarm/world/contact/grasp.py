@@ -31,7 +31,7 @@ from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle import BASE, Vehicle
 from skyarm.world.component import Column
 from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame
-from skyarm.world.contact.hold import Hold, Spring, frame_of, longest_step
+from skyarm.world.contact.hold import Hold, Spring, Stiffness, frame_of, longest_step
 from skyarm.world.contact.material import LIGHTEST, NORMAL_STEP
 
 KINDS = ("fixed", "ball", "cable")
@@ -63,17 +63,7 @@ class Grasp:
     kind: Annotated[str, Unit("", "kind of the grasp", rule=coerce.word_of(KINDS))] = (
         "ball"
     )
-    stiffness: Annotated[
-        Scalar,
-        positive(
-            "N/m",
-            "stiffness of the grasp",
-            effect=(
-                "higher values hold the body more rigidly and need smaller integration"
-                " steps"
-            ),
-        ),
-    ] = 5000.0
+    stiffness: Stiffness = 5000.0
     damping: Annotated[
         Scalar,
         nonnegative(

@@ -24,14 +24,15 @@ only after it was opened.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import field, replace
+from dataclasses import field
 from typing import Annotated
 
-from skyarm.algebra import ZERO3, Mat3, Quaternion, Scalar, Vec3
+from skyarm.algebra import ZERO3, ZERO3_DATA, Mat3, Quaternion, Scalar, Vec3
 from skyarm.algebra.scalars import (
     asin,
     divide,
     logical_and,
+    logical_not,
     logical_or,
     maximum,
     minimum,
@@ -48,7 +49,7 @@ from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.reference.signals import Constant, Signal, signal_from
 from skyarm.world.component import Column, select, shorten
 from skyarm.world.contact.carrier import CarriedFrame
-from skyarm.world.contact.hold import Hold, Spring, longest_step
+from skyarm.world.contact.hold import Hold, Spring, Stiffness, longest_step
 from skyarm.world.contact.material import NORMAL_STEP, ROUGHEST
 
 KINDS = ("magnet", "suction", "jaw", "ball", "hook")
@@ -162,17 +163,7 @@ class Gripper:
         Scalar,
         nonnegative("m", "radius of a ball in its socket; 0 turns without friction"),
     ] = 0.005
-    stiffness: Annotated[
-        Scalar,
-        positive(
-            "N/m",
-            "stiffness of the grasp",
-            effect=(
-                "higher values hold the body more rigidly and need smaller integration"
-                " steps"
-            ),
-        ),
-    ] = 5000.0
+    stiffness: Stiffness = 5000.0
     damping_ratio: Annotated[
         Scalar,
         nonnegative(
@@ -268,7 +259,14 @@ class Gripper:
 
     def start(self) -> Grip:
         """Initial state of the gripper: open and ready to grasp."""
-        return replace(UNCHANGED, ready=1.0)
+        return Grip(
+            taken=0.0,
+            ready=1.0,
+            lost=0.0,
+            place=ZERO3_DATA,
+            normal=ZERO3_DATA,
+            turn=Mat3(ZERO3_DATA, ZERO3_DATA, ZERO3_DATA),
+        )
 
     def hold(
         self,
@@ -318,7 +316,7 @@ class Gripper:
         )
         # fingers hold in all directions, so the size of the force counts
         if self.kind not in ADHESIVE:
-            return _any(force.dot(force) > self.force * self.force, twisted)
+            return logical_or(force.dot(force) > self.force * self.force, twisted)
         normal = body.rotation.apply(grip.normal)
         pull = force.dot(normal)
         shear = force - normal * pull
@@ -353,22 +351,30 @@ class Gripper:
         near: Scalar = False
         for i, (body, distance, _, hold) in enumerate(bodies):
             this = is_taken(grip.taken, i + 1.0)
-            broken = _any(broken, _both(this, self.is_overloaded(grip, hold, body)))
+            broken = logical_or(
+                broken, logical_and(this, self.is_overloaded(grip, hold, body))
+            )
             above = hold.place.z - frame.position.z > self.reach
-            out = _any(out, _both(this, above)) if self.kind == "hook" else out
-            near = _any(near, distance <= self.reach)
-        keeps = _both(holding, _both(closed, _both(_not(broken), _not(out))))
-        free = _both(_both(closed, grip.ready > 0.5), _not(holding))
+            out = (
+                logical_or(out, logical_and(this, above))
+                if self.kind == "hook"
+                else out
+            )
+            near = logical_or(near, distance <= self.reach)
+        keeps = logical_and(
+            holding, logical_and(closed, logical_not(logical_or(broken, out)))
+        )
+        free = logical_and(logical_and(closed, grip.ready > 0.5), logical_not(holding))
         taken = where(keeps, grip.taken, 0.0)
         place = grip.place
         normal = grip.normal
         turn = grip.turn
         for i, (body, distance, outward, hold) in enumerate(bodies):
             # the first body within reach, in the order of the file: a gripper holds one
-            takes = _both(_both(free, distance <= self.reach), taken < 0.5)
+            takes = logical_and(logical_and(free, distance <= self.reach), taken < 0.5)
             if self.kind == "hook":
                 rising = frame.velocity.z - body.velocity_at(frame.position).z
-                takes = _both(takes, rising > 0.0)
+                takes = logical_and(takes, rising > 0.0)
             taken = where(takes, i + 1.0, taken)
             place = select(
                 takes, body.rotation.apply_T(frame.position - body.position), place
@@ -385,12 +391,13 @@ class Gripper:
                 turn = blend(is_taken(grip.taken, i + 1.0), as_data(slipped), turn)
             turn = blend(takes, as_data(now), turn)
         # a hook has no command: it is ready again once no body is within its reach
-        opened = _not(near) if self.kind == "hook" else _not(closed)
-        used = _any(holding, taken > 0.5)
+        opened = logical_not(near) if self.kind == "hook" else logical_not(closed)
+        used = logical_or(holding, taken > 0.5)
         return Grip(
             taken=taken,
             ready=where(opened, 1.0, where(used, 0.0, grip.ready)),
-            lost=grip.lost + where(_both(holding, _both(closed, broken)), 1.0, 0.0),
+            lost=grip.lost
+            + where(logical_and(holding, logical_and(closed, broken)), 1.0, 0.0),
             place=place,
             normal=normal,
             turn=turn,
@@ -402,36 +409,5 @@ def is_taken(taken: Scalar, number: float) -> Scalar:
     return logical_and(taken > number - 0.5, taken < number + 0.5)
 
 
-def _not(condition: Scalar) -> Scalar:
-    """Logical not of a Boolean constant or of a traced condition."""
-    return (
-        not condition
-        if isinstance(condition, bool)
-        else where(condition, 0.0, 1.0) > 0.5
-    )
-
-
-def _both(a: Scalar, b: Scalar) -> Scalar:
-    """Logical and of two conditions; a constant True is dropped."""
-    return b if a is True else a if b is True else logical_and(a, b)
-
-
-def _any(a: Scalar, b: Scalar) -> Scalar:
-    """Logical or of two conditions; a constant False is dropped."""
-    return b if a is False else a if b is False else logical_or(a, b)
-
-
 TINY = 1e-24
 """Squared length added in a quotient to avoid division by zero."""
-
-_NOTHING = Vec3(0.0, 0.0, 0.0)
-
-UNCHANGED = Grip(
-    taken=0.0,
-    ready=0.0,
-    lost=0.0,
-    place=_NOTHING,
-    normal=_NOTHING,
-    turn=Mat3(_NOTHING, _NOTHING, _NOTHING),
-)
-"""Rate of a grip's internal state: zero, since it changes at control instants only."""

@@ -9,13 +9,28 @@ and where they give way.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Annotated
 
-from skyarm.algebra import ZERO3, Mat3, Scalar, Vec3
+from skyarm.algebra import Mat3, Scalar, Vec3
+from skyarm.algebra.matrix import orientation_error
 from skyarm.algebra.scalars import maximum, sqrt
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.immutable import immutable, positional
+from skyarm.records.units import positive
 from skyarm.world.contact.carrier import CarriedFrame
 from skyarm.world.contact.material import BRISTLE_STEP, euler_step_of
+
+Stiffness = Annotated[
+    Scalar,
+    positive(
+        "N/m",
+        "stiffness of the grasp",
+        effect=(
+            "higher values hold the body more rigidly and need smaller integration"
+            " steps"
+        ),
+    ),
+]
 
 
 @immutable
@@ -69,13 +84,7 @@ class Spring:
             turn: rotation from the axes of the body to those of the frame that is to be
                 kept.
         """
-        aim = self.frame.rotation @ turn
-        error = ZERO3
-        for i in range(3):
-            # half the sum of the cross products of the axes is the rotation axis times
-            # the sine
-            error = error + self.body.rotation.column(i).cross(aim.column(i)) * 0.5
-        return error
+        return orientation_error(self.body.rotation, self.frame.rotation @ turn)
 
     def torque(self, error: Vec3, square: Scalar) -> Vec3:
         """Torque (N m) on the body against an error of its attitude; ``square`` is that

@@ -38,22 +38,16 @@ def require_start_outside(
         # the heavier of the two: a light body may lie on a heavy one, and the reverse
         borne = max(touching, 1e-9 if each.of == NOBODY else weights[each.of])
         if float(each.touch.normal) > MOST * max(borne, 1e-9):
-            ours = each.by == NOBODY
-            way = ""
-            what = (
-                f"point {contact.points[each.index].name!r}"
-                if ours
-                else repr(contact.carriers[each.by].name)
-            )
-            inside = (
-                f"surface {each.surface!r}"
-                if ours and each.of == NOBODY
-                else repr(each.surface)
-            )
-            if ours and each.of == NOBODY:
-                way = ", or at rest by initial.standing = true"
-            elif 0 <= each.by < len(contact.objects):
-                way = ", or at rest by standing = true"
+            what, inside, way = "", repr(each.surface), ""
+            if each.by == NOBODY:
+                what = f"point {contact.points[each.index].name!r}"
+                if each.of == NOBODY:
+                    inside = f"surface {inside}"
+                    way = ", or at rest by initial.standing = true"
+            else:
+                what = repr(contact.carriers[each.by].name)
+                if each.by < len(contact.objects):
+                    way = ", or at rest by standing = true"
             raise ValueError(
                 f"world: {what} starts {float(each.touch.depth):.3g} m inside {inside},"
                 f" which would push it with {float(each.touch.normal):.3g} N: must"
@@ -68,14 +62,13 @@ def require_bodies_apart(contact: Contact, motion: PointMotion) -> None:
     Raises:
         ValueError: one line: both bodies, the depth, the force.
     """
-    records = contact.body_records(contact.start(1.0, ()), motion)
     vehicles = [motion.of(each.agent).vehicle for each in contact.vehicle_bodies]
     others: dict[str, Sequence[object]] = {
         "surface": contact.surfaces,
         "carrier": contact.carriers,
         "body": vehicles,
     }
-    for pair, record in zip(contact.body_pairs, records, strict=True):
+    for pair, record in contact.body_records(contact.start(1.0, ()), motion):
         both = vehicles[pair.body], others[pair.other][pair.index]
         mass = max(float(getattr(each, "mass", 0.0)) for each in both)
         touch = touch_of_bodies(record)
@@ -109,8 +102,7 @@ def initial_clearance(
         for each in contact.meetings(memory, motion)
         if each.by == NOBODY
     ]
-    rows = zip(contact.body_pairs, contact.body_records(memory, motion), strict=True)
-    for pair, (a, b, *_) in rows:
+    for pair, (a, b, *_) in contact.body_records(memory, motion):
         body = contact.vehicle_bodies[pair.body].name
         for one, other in product(a.parts, b.parts):
             both = one.in_world(a.frame), other.in_world(b.frame)

@@ -31,13 +31,13 @@ from skyarm.algebra.scalars import (
     exp,
     maximum,
     minimum,
-    same,
     sqrt,
     where,
 )
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.units import nonnegative, positive
+from skyarm.world.component import select
 
 BRISTLE_DAMPING = 5.0
 """Damping of a friction bristle, N s/m at one newton and more, 1/m times the force
@@ -207,15 +207,7 @@ class Material:
         speed = sqrt(slip.dot(slip) + _STILL)
         gone = divide(1.0 - exp(speed * step * (-1.0 / self.bristle_length)), step)
         bending = slip * (divide(self.bristle_length, speed) * gone) - bristle * gone
-        touches = depth > 0.0
-        recovery = bristle * -RECOVERY
-        return Vec3(
-            *(
-                # equal constants, as zeros along an axis, stay structure
-                a if same(a, z) else where(touches, a, z)
-                for a, z in zip(bending, recovery, strict=True)
-            )
-        )
+        return select(depth > 0.0, bending, bristle * -RECOVERY)
 
     def bending_rate(self, bristle: Vec3, slip: Vec3) -> Vec3:
         """Rate (m/s) of the bristle deflection at an instant of contact."""

@@ -31,7 +31,7 @@ from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit, nonnegative, positive
-from skyarm.world.component import Column
+from skyarm.world.component import Column, moved_by
 from skyarm.world.contact.carrier import CarriedFrame, Carrier
 from skyarm.world.contact.material import (
     BRISTLE_STEP,
@@ -409,11 +409,7 @@ class Mechanism(Carrier[MechanismMotion]):
         self, memory: MechanismMotion, slope: MechanismMotion, dt: Scalar
     ) -> MechanismMotion:
         """State of the mechanism with its friction bristle advanced by ``dt`` (s)."""
-        bristle = tuple(
-            z + change * dt
-            for z, change in zip(memory.bristle, slope.bristle, strict=True)
-        )
-        return replace(memory, bristle=bristle)
+        return replace(memory, bristle=moved_by(memory.bristle, slope.bristle, dt))
 
     def kick(
         self, memory: MechanismMotion, slope: MechanismMotion, dt: Scalar
@@ -621,7 +617,7 @@ class MechanismBody:
     Attributes:
         shape, size: shape and lengths as of a surface. middle: middle of the shape, m.
         gyration: m^2, moment of inertia about the axis of a hinge by the mass, of a
-            uniform body.
+            uniform body; nothing asks for that of one that slides.
     """
 
     shape: str
@@ -637,33 +633,23 @@ def solid_of(kind: str, size: Sequence[Scalar]) -> MechanismBody:
         kind: the word.
         size: lengths as listed in ``KINDS``, m.
     """
-    if kind == "button":
-        radius, height = size
+    if len(size) == 2:
+        radius, thickness = size
+        # of a button the outer face is in the origin
+        middle = Vec3(0, 0, -0.5 * thickness) if kind == "button" else ZERO3
         return MechanismBody(
             shape="cylinder",
-            size=(radius, height),
-            middle=Vec3(0, 0, -0.5 * height),
-            gyration=0.0,
-        )
-    if kind == "valve" and len(size) == 2:
-        radius, thickness = size
-        wheel = (radius, thickness)
-        return MechanismBody(
-            shape="cylinder", size=wheel, middle=ZERO3, gyration=0.5 * radius * radius
-        )
-    if kind == "drawer":
-        depth, width, height = size
-        return MechanismBody(
-            shape="box",
-            size=(depth, width, height),
-            middle=Vec3(-0.5 * depth, 0, 0),
-            gyration=0.0,
+            size=(radius, thickness),
+            middle=middle,
+            gyration=0.5 * radius * radius,
         )
     length, second, third = size
     across, along = (third, second) if kind == "door" else (second, third)
+    # of a drawer the front is in the origin, of a door or lever its hinge
+    half = -0.5 if kind == "drawer" else 0.5
     return MechanismBody(
         shape="box",
         size=(length, across, along),
-        middle=Vec3(0.5 * length, 0, 0),
+        middle=Vec3(half * length, 0, 0),
         gyration=length * length / 3.0 + across * across / 12.0,
     )

@@ -386,10 +386,14 @@ class TouchingBodies(Force[ContactMemory]):
     def meetings(self, memory: ContactMemory, motion: PointMotion) -> list[Meeting]:
         """Contact state of every contact pair for the vehicle's current motion."""
         step = self.largest_step if motion.step is None else motion.step
-        moving = moving_points(self.points, motion)
-        clock = (*memory.clock, 0.0)[0]
         return meetings_of(
-            self, memory.carried, moving, clock, memory.bristles, step, motion.step
+            self,
+            memory.carried,
+            moving_points(self.points, motion),
+            memory.time,
+            memory.bristles,
+            step,
+            motion.step,
         )
 
     def on_points(self, memory: ContactMemory, motion: PointMotion) -> Sequence[Touch]:
@@ -411,25 +415,31 @@ class TouchingBodies(Force[ContactMemory]):
             ignore=self.ignore,
         )
 
-    def body_records(self, memory: ContactMemory, motion: PointMotion) -> list[Record]:
-        """Motions, shapes and bristles of each pair of bodies."""
+    def _others(self, memory: ContactMemory) -> tuple[list[Side], list[Side]]:
+        """Surfaces of the world, and movable bodies, as sides of a touch."""
+        fixed = [fixed_side(each, memory.time) for each in self.surfaces]
+        carried = [
+            Side(each.frame(body), tuple(map(part_of, each.surfaces)))
+            for each, body in zip(self.carriers, memory.carried, strict=True)
+        ]
+        return fixed, carried
+
+    def body_records(
+        self, memory: ContactMemory, motion: PointMotion
+    ) -> list[tuple[BodyPair, Record]]:
+        """Each pair of bodies with motions, shapes and bristle of both."""
         pairs = self.body_pairs
         if not pairs:
             return []
         longest = self.largest_step if motion.step is None else motion.step
         step = LONGEST if longest is None else longest
-        clock = (*memory.clock, 0.0)[0]
         sides = [
             Side(each.frame(motion), each.parts(motion, self.vehicle_material))
             for each in self.vehicle_bodies
         ]
-        rows = zip(self.carriers, memory.carried, strict=True)
-        carried = [
-            Side(each.frame(body), tuple(map(part_of, each.surfaces)))
-            for each, body in rows
-        ]
+        fixed, carried = self._others(memory)
         bristles = memory.bristles[self.meeting_count :]
-        records = list[Record]()
+        records = list[tuple[BodyPair, Record]]()
         for pair, bristle in zip(pairs, bristles, strict=True):
             mass = self.vehicle_bodies[pair.body].mass
             if pair.other == "body":
@@ -439,16 +449,17 @@ class TouchingBodies(Force[ContactMemory]):
             most = where(mass < LIGHTEST, divide(mass * DAMPED, step), 1e12)
             mean: Scalar = step
             if pair.other == "surface":
-                surface = self.surfaces[pair.index]
-                other = fixed_side(surface, clock)
+                other = fixed[pair.index]
                 # as of a contact point (:func:`touch_of`)
-                mean = surface.material.largest_step if motion.step is None else step
+                if motion.step is None:
+                    mean = self.surfaces[pair.index].material.largest_step
             elif pair.other == "carrier":
                 other = carried[pair.index]
                 mass = reduced_mass(1.0 / self.carriers[pair.index].mobility, mass)
             else:
                 other = sides[pair.index]
-            records.append((sides[pair.body], other, bristle, step, (mean, most), mass))
+            record = sides[pair.body], other, bristle, step, (mean, most), mass
+            records.append((pair, record))
         return records
 
     def places_at_rest(
@@ -457,8 +468,7 @@ class TouchingBodies(Force[ContactMemory]):
         """Contact state of each place at which shapes of vehicles at rest touch, of
         those that press on a surface.
         """
-        rows = zip(self.body_pairs, self.body_records(memory, motion), strict=True)
-        for pair, record in rows:
+        for pair, record in self.body_records(memory, motion):
             # what is far away has no places to look for
             if pair.other != "surface" or not touch_of_bodies(record).normal > 0.0:
                 continue
@@ -494,8 +504,7 @@ class TouchingBodies(Force[ContactMemory]):
         """Contact state of each pair of bodies as one place, by the vehicle where the
         other is a surface.
         """
-        rows = zip(self.body_pairs, self.body_records(memory, motion), strict=True)
-        for pair, record in rows:
+        for pair, record in self.body_records(memory, motion):
             touch = touch_of_bodies(record)
             size = sqrt(touch.force.dot(touch.force) + LIGHT * LIGHT)
             fixed = pair.other == "surface"
@@ -542,7 +551,8 @@ class TouchingBodies(Force[ContactMemory]):
 
         def touches(moved: Sequence[tuple[Vec3, Scalars]]) -> Result:
             there = motion.with_places(moved)
-            return use([*map(touch_of_bodies, self.body_records(memory, there))])
+            records = self.body_records(memory, there)
+            return use([touch_of_bodies(record) for _, record in records])
 
         return compute_where(near, touches, tuple(places), other)
 
@@ -552,18 +562,12 @@ class TouchingBodies(Force[ContactMemory]):
         """True if the ball around a vehicle with shapes may meet anything within
         ``seconds``.
         """
-        clock = (*memory.clock, 0.0)[0]
         own = {each.agent for each in self.vehicle_bodies}
         balls = [whole_ball(motion.of(agent)) for agent in sorted(own)]
-        rows = zip(self.carriers, memory.carried, strict=True)
-        fixed = [fixed_side(each, clock) for each in self.surfaces]
-        moved = [
-            Side(each.frame(body), tuple(map(part_of, each.surfaces)))
-            for each, body in rows
-        ]
+        fixed, carried = self._others(memory)
         near: list[Scalar] = [self.self_collision and bool(own)]
         for i, (centre, reach, speed) in enumerate(balls):
-            for side in (*fixed, *moved):
+            for side in (*fixed, *carried):
                 gap, other = gap_of_ball(centre, reach, side)
                 near.append(logical_not(too_far(-gap, speed + other, seconds)))
             for there, theirs, rate in balls[:i]:

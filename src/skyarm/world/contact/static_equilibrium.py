@@ -171,8 +171,7 @@ def stand_vehicle(
         """Residual of vertical force and level moments about the centre of mass (1 m
         arm), divided by the weight.
         """
-        up_left, moment = balance([(arm, push) for _, arm, push in pushes(x)], weight)
-        return np.array([up_left, float(moment.x), float(moment.y)]) / weight
+        return balance(pushes(x), weight)
 
     # written so that NaN is refused, too
     if not weight > 0.0:
@@ -321,16 +320,17 @@ def _require_friction(
         raise ValueError(f"{where}: must stand where friction holds it, {words}")
 
 
-def balance(pushes: Sequence[tuple[Vec3, Vec3]], weight: float) -> tuple[float, Vec3]:
-    """Residual normal force (N) and moment (N m) on a resting body if friction balances
-    the tangential weight.
+def balance(pushes: Sequence[Push], weight: float, length: float = 1.0) -> Array:
+    """Residual normal force and level moments on a resting body, relative to its
+    weight, if friction balances the tangential weight.
 
     Args:
-        pushes: arm from the centre of mass (m) and force (N) of each.
+        pushes: contacts of the body.
         weight: N.
+        length: lever that makes a force of a moment, m.
     """
     force, moment, middle, sizes = ZERO3, ZERO3, ZERO3, 0.0
-    for arm, push in pushes:
+    for _, arm, push in pushes:
         size = float(push.dot(push)) ** 0.5
         force = force + push
         moment = moment + arm.cross(push)
@@ -339,11 +339,11 @@ def balance(pushes: Sequence[tuple[Vec3, Vec3]], weight: float) -> tuple[float, 
     # below 0: out of the lower side of a plate
     total = math.copysign(float(force.dot(force)) ** 0.5, float(force.z))
     if total == 0.0:
-        return -weight, Vec3(0.0, 0.0, 0.0)
+        return np.array([-1.0, 0.0, 0.0])
     across = Vec3(0.0, 0.0, weight) - force
-    return total - weight * float(force.z) / total, moment + (
-        middle * (1.0 / sizes)
-    ).cross(across)
+    moment = moment + (middle * (1.0 / sizes)).cross(across)
+    left = total - weight * float(force.z) / total
+    return np.array([left, float(moment.x) / length, float(moment.y) / length]) / weight
 
 
 def _nothing(what: str, position: Vec3) -> str:
@@ -549,12 +549,8 @@ class _Supports:
         """Residual of the vertical force and of the horizontal moments on the object,
         relative to its weight.
         """
-        left, moment = balance(
-            [(arm, push) for _, arm, push in self.pushes(x)], self.weight
-        )
         length = float(max(self._contact.objects[self._index].size))
-        values = left, float(moment.x) / length, float(moment.y) / length
-        return np.array(values) / self.weight
+        return balance(self.pushes(x), self.weight, length)
 
     def contact_at(self, x: Array) -> Contact:
         """Contact model with the object moved to a given height and tilt."""
@@ -591,7 +587,6 @@ def _meetings_of(contact: Contact) -> Callable[[Sequence[Tree]], list[Meeting]]:
     bodies = replace(contact, points=())
     step = contact.largest_step
     memory = bodies.start(1.0, ())
-    clock = (*memory.clock, 0.0)[0]
     return lambda motions: meetings_of(
-        bodies, motions, (), clock, memory.bristles, step
+        bodies, motions, (), memory.time, memory.bristles, step
     )

@@ -48,7 +48,9 @@ from skyarm.records.files import errors_as, shown
 from skyarm.records.immutable import derived_field, field_if_any, immutable
 from skyarm.records.units import Unit, positive
 from skyarm.reference.signals import Constant
+from skyarm.reference.tip_motion import vector_derivatives
 from skyarm.vehicle.convex_hull import Triangles, complete_shape
+from skyarm.world.component import select
 from skyarm.world.contact.material import Material
 from skyarm.world.signal_vector import NO_SIGNALS, SignalVector
 
@@ -177,9 +179,9 @@ class Surface:
     @property
     def moves(self) -> bool:
         """True if the surface has a prescribed motion."""
-        signals = (self.motion.x, self.motion.y, self.motion.z)
         return any(
-            type(each) is not Constant or not absent(each.value) for each in signals
+            type(each) is not Constant or not absent(each.value)
+            for each in self.motion.signals
         )
 
     @property
@@ -214,13 +216,8 @@ class Surface:
         """Position (m) and velocity (m/s) of the surface at time t (s), world axes."""
         if not self.moves:
             return self.position, ZERO3
-        rows = [
-            signal.derivatives(t)
-            for signal in (self.motion.x, self.motion.y, self.motion.z)
-        ]
-        return self.position + Vec3(*(each[0] for each in rows)), Vec3(
-            *(each[1] for each in rows)
-        )
+        way, velocity, *_ = vector_derivatives(self.motion.signals, t)
+        return self.position + way, velocity
 
     def _faces(self, p: Vec3) -> tuple[Face, ...]:
         """Height of a point above each relevant face of the shape, with the face's
@@ -427,11 +424,7 @@ def _slab(c: Scalar, size: Scalar, axis: Vec3) -> Face:
 
 def _choose(condition: Scalar, new: Face, old: Face) -> Face:
     """One of two faces, by a condition."""
-    rows = zip(new[1], old[1], strict=True)
-    return where(condition, new[0], old[0]), Vec3(
-        # a shared constant stays structure
-        *(x if x is y else where(condition, x, y) for x, y in rows)
-    )
+    return where(condition, new[0], old[0]), select(condition, new[1], old[1])
 
 
 def _nearest_edge(faces: tuple[Face, ...], height: Scalar, normal: Vec3) -> Face:

@@ -17,7 +17,7 @@ from dataclasses import field, replace
 from functools import reduce
 from itertools import combinations
 
-from skyarm.algebra import ZERO3, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import (
     absolute,
     divide,
@@ -46,8 +46,6 @@ from skyarm.world.contact.surface import Surface
 _TINY = 1e-24
 """Square under a root whose derivative at rest is 0 instead of NaN; least force (N) in
 a quotient."""
-
-_NOTHING = Vec3(0.0, 0.0, 0.0)
 
 
 @immutable
@@ -335,14 +333,14 @@ def _kind(part: Part) -> tuple[object, ...]:
     return part.shape.shape, part.shape.faces
 
 
-def no_touch(bristle: Vec3, depth: Scalar = -1e9, speed: Scalar = 0.0) -> BodyTouch:
+def no_touch(bristle: Vec3, depth: Scalar, speed: Scalar) -> BodyTouch:
     """Touch of two bodies that are apart: their bristle stands up."""
     return BodyTouch(
-        force=_NOTHING,
-        torque=_NOTHING,
-        back=_NOTHING,
+        force=ZERO3_DATA,
+        torque=ZERO3_DATA,
+        back=ZERO3_DATA,
         normal=0.0,
-        place=_NOTHING,
+        place=ZERO3_DATA,
         depth=depth,
         speed=speed,
         bristle_rate=bristle * -RECOVERY,
@@ -429,7 +427,7 @@ class Press:
     square: Scalar
 
 
-NO_PRESS = Press(0.0, _NOTHING, 0.0, _NOTHING, _NOTHING, -1e9, 0.0)
+NO_PRESS = Press(0.0, ZERO3_DATA, 0.0, ZERO3_DATA, ZERO3_DATA, -1e9, 0.0)
 """No forces of shapes far away."""
 
 Shapes = tuple[Press, Part, Part, CarriedFrame, CarriedFrame, Scalars, Scalar]

@@ -11,11 +11,11 @@ from dataclasses import replace
 import numpy as np
 
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.files.names import distinct
 from skyarm.records.files.user_code import require_result
 from skyarm.records.leaves import Tree
-from skyarm.world.component import COLLISIONS, Component
+from skyarm.world.component import COLLISIONS, Component, by_array
 from skyarm.world.scene.scene import Instants, Scene
 from skyarm.world.scene.shapes import KINDS
 
@@ -56,20 +56,9 @@ def scene_now(
     parts = []
     for part, memory in zip(components, memories, strict=True):
         if has_shapes(part):
-            own: dict[str, list[float]] = {}
-            for column, number in zip(
-                part.columns, part.logged(memory, motion), strict=True
-            ):
-                own.setdefault(column[0], []).append(float(number))
-            parts.append(
-                (
-                    part,
-                    replace(
-                        seen,
-                        numbers={name: np.array([row]) for name, row in own.items()},
-                    ),
-                )
-            )
+            own = by_array([part], part.logged(memory, motion))
+            numbers = {name: doubles([row]) for name, row in own.items()}
+            parts.append((part, replace(seen, numbers=numbers)))
     return _scene(parts)
 
 
@@ -106,7 +95,7 @@ def _own_columns(
     """Environment models that draw something, each with its columns of the flight
     log.
     """
-    begins: dict[str, int] = {}
+    begins = Counter[str]()
     declared = Counter(column[0] for part in components for column in part.columns)
     # of a member of a team that is drawn alone the log has pairs with the others, too
     unknown = {
@@ -115,20 +104,16 @@ def _own_columns(
         if declared[name] and logged(name).shape[1] > declared[name]
     }
     for part in components:
-        own: dict[str, int] = {}
-        for column in part.columns:
-            own[column[0]] = own.get(column[0], 0) + 1
+        own = Counter(column[0] for column in part.columns)
         if has_shapes(part):
             columns = {
-                name: logged(name)[:, begins.get(name, 0) :][:, :count]
-                * (name not in unknown)
+                name: logged(name)[:, begins[name] :][:, :count] * (name not in unknown)
                 for name, count in own.items()
             }
             # a log may lack columns of a part, which is then not drawn
             if all(columns[name].shape[1] == count for name, count in own.items()):
                 yield part, columns
-        for name, count in own.items():
-            begins[name] = begins.get(name, 0) + count
+        begins.update(own)
 
 
 def _scene(parts: Iterable[tuple[Component[Tree], Instants]]) -> Scene:

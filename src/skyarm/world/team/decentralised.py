@@ -20,24 +20,21 @@ from __future__ import annotations
 
 from typing import Annotated, cast
 
-from skyarm.algebra import E_Z, ZERO3_DATA, Scalar, Scalars, Vec3
+from skyarm.algebra import E_Z, Scalar, Scalars
 from skyarm.algebra.scalars import data, maximum
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, as_data
 from skyarm.records.units import Unit, nonnegative, positive
-from skyarm.world.team.team import Sharing, TeamInputs, carry_of
+from skyarm.reference.carry import Carry
+from skyarm.world.team.team import Sharing, TeamInputs, TipShift
 
 
 @immutable
-class MemberState:
+class MemberState(TipShift):
     """State of a member: shift of its tip from its path, rate of the shift, and adapted
     mass.
     """
 
-    offset: Annotated[Vec3, Unit("m", "shift of the tip from its path, world axes")] = (
-        ZERO3_DATA
-    )
-    rate: Annotated[Vec3, Unit("m/s", "rate of that shift, world axes")] = ZERO3_DATA
     mass: Annotated[Scalar, Unit("kg", "adapted part of the body's mass")] = 0.0
 
 
@@ -120,12 +117,15 @@ class Decentralised(Sharing):
                 )
             )
             after.append(moved)
-            shift = (moved.offset, moved.rate, bend)
             holding = inputs.holding
-            borne = state.mass * share * holding
-            carries.append(
-                carry_of(
-                    holding, shift, -asking * holding, settling=self.filter, mass=borne
-                )
+            carry = Carry(
+                held=holding,
+                force=-asking * holding,
+                offset=moved.offset,
+                offset_rate=moved.rate,
+                offset_acceleration=bend,
+                settling=self.filter,
+                mass=state.mass * share * holding,
             )
+            carries.append(carry.numbers)
         return tuple(after), tuple(carries)

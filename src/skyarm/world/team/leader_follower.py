@@ -26,7 +26,8 @@ from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
 from skyarm.records.units import Unit, nonnegative, positive
-from skyarm.world.team.team import Sharing, TeamInputs, carry_of, weight_of
+from skyarm.reference.carry import Carry
+from skyarm.world.team.team import Sharing, TeamInputs, weight_of
 
 FARTHEST = 0.1
 """Largest yield (m) of a follower."""
@@ -136,10 +137,13 @@ class LeaderFollower(Sharing):
                     rate=data(rate),
                 )
             after.append(moved)
-            shift = (line * moved.offset, line * moved.rate, line * bend)
-            carries.append(
-                carry_of(
-                    inputs.holding, shift, settling=settling, mass=mass * inputs.holding
-                )
+            carry = Carry(
+                held=inputs.holding,
+                offset=line * moved.offset,
+                offset_rate=line * moved.rate,
+                offset_acceleration=line * bend,
+                settling=settling,
+                mass=mass * inputs.holding,
             )
+            carries.append(carry.numbers)
         return tuple(after), tuple(carries)

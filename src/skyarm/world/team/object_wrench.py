@@ -64,13 +64,14 @@ from skyarm.records.coerce import RecordError, absent
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree, as_data
 from skyarm.records.units import Unit, nonnegative, positive
+from skyarm.reference.carry import Carry
 from skyarm.reference.object_motion import BodyMotion
 from skyarm.world.component import Column, shorten
 from skyarm.world.team.team import (
     NO_TILT,
     Sharing,
     TeamInputs,
-    carry_of,
+    TipShift,
     columns_of_labels,
     require_whole_periods,
     weight_of,
@@ -112,16 +113,6 @@ MESSAGES = (
     ("messages_lost", "", "number of a member's messages that were lost"),
 )
 """Logged quantities of the messages: array, unit, meaning."""
-
-
-@immutable
-class TipShift:
-    """Filtered shift of a tip's reference: value and rate, world axes."""
-
-    offset: Annotated[Vec3, Unit("m", "shift of the tip's reference, world axes")] = (
-        ZERO3_DATA
-    )
-    rate: Annotated[Vec3, Unit("m/s", "rate of the shift, world axes")] = ZERO3_DATA
 
 
 @immutable
@@ -460,25 +451,26 @@ class ObjectWrench(Sharing):
                 planned,
                 strict=True,
             )
-            moves = [s + (there - here) for s, there, here in aside]
+            offset, rate, acceleration = (
+                s + (there - here) for s, there, here in aside
+            )
             moment = moments[i] * share
-            of_moment = (moment - inputs.moments[i]) * (
+            carry = Carry(
+                held=h,
+                force=-forces[i] * h,
+                moment=-moment,
+                forgotten_force=(excess[i] - tilted[i] * (1.0 - TILTING)) * blind,
+                forgotten_moment=(moment - inputs.moments[i])
                 # only a fixed grasp has a moment that its observer may forget
-                h * self.blind_moments if member.kind == "fixed" else 0.0
+                * (h * self.blind_moments if member.kind == "fixed" else 0.0),
+                offset=offset,
+                offset_rate=rate,
+                offset_acceleration=acceleration,
+                heading=course.heading,
+                settling=w,
+                mass=moved_masses[i] * h,
             )
-            forgotten = (excess[i] - tilted[i] * (1.0 - TILTING)) * blind, of_moment
-            carries.append(
-                carry_of(
-                    h,
-                    moves,
-                    -forces[i] * h,
-                    -moment,
-                    forgotten,
-                    course.heading,
-                    w,
-                    moved_masses[i] * h,
-                )
-            )
+            carries.append(carry.numbers)
         eases = (
             ease + (clip(ease * ratio, LEAST_EASE, 1.0) - ease) * (EASING * dt)
             for ease, ratio in zip(own.eases, ratios, strict=True)
@@ -519,15 +511,13 @@ class ObjectWrench(Sharing):
         near = cast("Scalar", 0.0)
         waiting = pose.waiting
         if inputs.behind and all(each.kind not in LASTING for each in self.members):
-            there = [
-                course.then.position + course.lower + course.then.R.apply(m.place)
-                for m in self.members
-            ]
-            here = [
-                inputs.body.position + inputs.body.rotation.apply(m.place)
-                for m in self.members
-            ]
-            apart = tuple(a - b for a, b in zip(there, here, strict=True))
+            goal_place = course.then.position + course.lower
+            places = zip(
+                self.arms(course.then.R), self.arms(inputs.body.rotation), strict=True
+            )
+            apart = tuple(
+                (goal_place + a) - (inputs.body.position + b) for a, b in places
+            )
             behind = tuple(inputs.behind)
             late = (as_data(behind if self.pose_age else apart), *waiting)
             apart, behind = (apart, late[-1]) if self.pose_age else (late[-1], behind)

@@ -620,6 +620,16 @@ class Team(VirtualMasses, Component[TeamMemory]):
 
 
 @immutable
+class TipShift:
+    """Filtered shift of a tip's reference: value and rate, world axes."""
+
+    offset: Annotated[Vec3, Unit("m", "shift of the tip's reference, world axes")] = (
+        ZERO3_DATA
+    )
+    rate: Annotated[Vec3, Unit("m/s", "rate of the shift, world axes")] = ZERO3_DATA
+
+
+@immutable
 class Sharing(Team):
     """Base class of laws that instruct the members, with a desired pull and the time in
     which they take the load.
@@ -737,47 +747,3 @@ def require_whole_periods(name: str, value: float, period: float) -> None:
             f"{name} = {value:g}: must be a whole number of control periods of"
             f" {period:g} s"
         )
-
-
-NOTHING = (ZERO3_DATA, ZERO3_DATA)
-
-
-def carry_of(
-    holding: Scalar,
-    shift: Sequence[Vec3],
-    force: Vec3 = ZERO3_DATA,
-    moment: Vec3 = ZERO3_DATA,
-    forgotten: Sequence[Vec3] = NOTHING,
-    heading: Vec3 = ZERO3_DATA,
-    settling: Scalar = 0.0,
-    mass: Scalar = 0.0,
-) -> Scalars:
-    """Instructions to one member as numbers.
-
-    Args:
-        holding: 1 while the member holds the body.
-        shift: displacement of the tip's reference (m), its rate and its acceleration,
-            world axes.
-        force: known force of the body on the tip, N, world axes.
-        moment: known moment of the body on the tip, N m, world axes.
-        heading: turn of its heading about the tip, rad, with rate and acceleration.
-        forgotten: rates at which the observer forgets force (N/s) and moment (N m/s) on
-            the tip, world axes.
-        settling: bandwidth at which the shift settles, rad/s.
-        mass: kg, of the body that the tip moves.
-    """
-    offset, rate, acceleration = shift
-    carry = Carry(
-        held=holding,
-        force=force,
-        moment=moment,
-        forgotten_force=forgotten[0],
-        forgotten_moment=forgotten[1],
-        offset=offset,
-        offset_rate=rate,
-        offset_acceleration=acceleration,
-        heading=heading,
-        settling=settling,
-        mass=mass,
-    )
-    return as_data(carry).numbers

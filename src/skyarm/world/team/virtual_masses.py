@@ -19,6 +19,7 @@ from itertools import combinations
 from typing import Annotated
 
 from skyarm.algebra import ZERO3, Mat3, Scalar, Vec3, ldl_solve
+from skyarm.algebra.matrix import orientation_error
 from skyarm.algebra.scalars import divide, maximum, minimum, sqrt, where
 from skyarm.records import coerce
 from skyarm.records.immutable import field_if_any, immutable
@@ -168,9 +169,7 @@ class VirtualMasses:
 
         Members on one line do not turn the body about it: that turn is left out.
         """
-        turn = ZERO3
-        for i in range(3):
-            turn = turn + R.column(i).cross(desired.column(i)) * 0.5
+        turn = orientation_error(R, desired)
         relative = self.from_middle(self.arms(desired))
         return self._turn(relative, [turn.cross(r) for r in relative])
 

@@ -20,6 +20,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from skyarm.algebra import ZERO3, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra.matrix import orientation_error
 from skyarm.algebra.scalars import add, cos, divide, mul, sin, total
 from skyarm.algebra.scalars.taylor import Taylor, as_series
 from skyarm.control.blocks.attitude import (
@@ -149,16 +150,6 @@ def needed_shift(
         derivative(arm, 2)
         - R.apply(alpha.cross(r) + w.cross(w.cross(r)) + w.cross(rd) * 2.0 + rdd),
     ]
-
-
-def orientation_error(R: Mat3, R_d: Mat3) -> Vec3:
-    """Rotation error from R to R_d, axis times sine of the angle, in the axes that both
-    matrices map to.
-    """
-    total = ZERO3
-    for k in range(3):
-        total = total + R.column(k).cross(R_d.column(k))
-    return total * 0.5
 
 
 def orientation_rows(vehicle: Vehicle, axes_B: Sequence[Vec3], i: int) -> list[Vec3]:
