@@ -474,6 +474,14 @@ CLOSURES = ("spring", "weld")
 CONTACTS = ("points", "geoms")
 """Contact models of a plant: that of this library, and MuJoCo's own."""
 
+SETTINGS: Mapping[str, tuple[str, ...]] = {
+    "integrator": INTEGRATORS,
+    "closure": CLOSURES,
+    "contact": CONTACTS,
+}
+"""Settings of the simulation besides its kind, whose names the registry has, and the
+words that each may be."""
+
 
 @immutable
 class Solver:
@@ -497,22 +505,16 @@ class Solver:
     )
 
     def __post_init__(self) -> None:
-        for field, value, allowed in (
-            ("kind", self.kind, registrations("plant")),
-            ("integrator", self.integrator, dict.fromkeys(INTEGRATORS)),
-            ("closure", self.closure, dict.fromkeys(CLOSURES)),
-            ("contact", self.contact, dict.fromkeys(CONTACTS)),
-        ):
+        for field, allowed in {"kind": registrations("plant"), **SETTINGS}.items():
+            value = getattr(self, field)
             if not isinstance(value, str) or value not in allowed:
                 raise ScenarioError(
                     f"plant.{field} = {shown(value)}: {must_be_one_of(allowed, value)}"
                 )
         if self.kind == "mujoco" and self.integrator != "euler":
             return
-        for field, value, usual in (
-            ("closure", self.closure, CLOSURES[0]),
-            ("contact", self.contact, CONTACTS[0]),
-        ):
+        for field in ("closure", "contact"):
+            value, usual = getattr(self, field), SETTINGS[field][0]
             if value != usual:
                 raise ScenarioError(
                     f"plant.{field} = {value!r}: must be {usual!r} unless kind is"
