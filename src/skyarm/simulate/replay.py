@@ -80,6 +80,9 @@ class Inputs:
 # no cut of LoopProgram: its step is that of a log's clock, as 0.0040016 s, and rates of
 # scenarios are whole numbers of Hz; it has no sensors, law and random numbers, and its
 # commands, which arrive within a step, differ from lane to lane
+# no RigidBodySteps either, which leaves out an interval that a traced delay makes empty,
+# by a selection: no faster here (measured), and of a delay of whole steps the attitude
+# would be normalised less often, which changes last bits of what was identified
 class CommandReplay:
     """Compiled plant model that flies under logged commands.
 
