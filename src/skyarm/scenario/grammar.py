@@ -81,20 +81,6 @@ ENTRIES: Mapping[object, str] = {
 }
 """Description in words of the entry for each type that is not a table of its fields."""
 
-CHOICES: Mapping[tuple[str, str], tuple[str, ...]] = {
-    ("Gust", "shape"): SHAPES,
-}
-"""Allowed texts of a field whose type does not list them, by class and field."""
-
-OTHERWISE: Mapping[tuple[str, str], str] = {
-    ("Fault", "effectiveness"): SIGNAL,
-    ("TimedPayload", "pick"): "number, or a table: a place",
-    ("TimedPayload", "drop"): "number, or a table: a place",
-    ("GustyWind", "gust"): "table, or a list of them",
-}
-"""Descriptions of entries that allow more than their field's type, by class and
-field."""
-
 NAMED_BY = {"environment.wind": "mode", "team": "law"}
 """Keys that name the class of a table otherwise than by ``kind``, by the table's
 path."""
@@ -362,13 +348,8 @@ def _of_record(
             # a quotation mark is of a choice of texts, which shapes the program, too
             if annotation in SHAPING or "'" in entry_in_words(annotation):
                 when = "never"
-            more = (CHOICES[base, name] for base in bases if (base, name) in CHOICES)
-            entry = next(map(_one_of, more), entry_in_words(annotation))
-            entry = next(
-                (OTHERWISE[base, name] for base in bases if (base, name) in OTHERWISE),
-                entry,
-            )
             text = word_texts.of_field(tuple(bases), name)
+            entry = text.entry or entry_in_words(annotation)
             held = next((each.__name__ for each in _records_in(annotation)), "")
             meaning = text.meaning or unit.meaning or word_texts.TYPES.get(held, "")
             row = _of_unit(
@@ -383,9 +364,10 @@ def _of_record(
             if blows and name == "peak":
                 in_unit, meaning = PEAKS[blows]
                 row = row._replace(unit=in_unit, meaning=meaning)
-            elif blows == "force" and name == "shape":
-                # all that a file may state
-                row = row._replace(entry=_one_of(SHAPES[:1]))
+            elif kind is Gust and name == "shape":
+                # of a gust of force a file states the first alone
+                shapes = SHAPES[:1] if blows == "force" else SHAPES
+                row = row._replace(entry=_one_of(shapes))
             yield row
         for each in _records_in(annotation):
             # a record that has one of its own kind would never end
