@@ -140,14 +140,14 @@ def tables_of(
     laws = {
         name: controller or each.controller.name for name, each in target.agents.items()
     }
-    if controller is not None:
-        return _tables_from(target, _under_laws(stated, laws, folder), folder)
-    begun = scenario_from(stated, folder)
-    others = {
-        name: law
-        for name, law in laws.items()
-        if law != begun.of(name).agent.controller.name
-    }
+    others = laws
+    if controller is None:
+        begun = scenario_from(stated, folder)
+        others = {
+            name: law
+            for name, law in laws.items()
+            if law != begun.of(name).agent.controller.name
+        }
     if others:
         return _tables_from(target, _under_laws(stated, others, folder), folder)
     try:

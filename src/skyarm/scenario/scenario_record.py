@@ -149,6 +149,13 @@ class Rates:
         """Period of the control law, s."""
         return 1.0 / self.control
 
+    def periods_between(self, frequency: float) -> int:
+        """Control periods from one sample at a frequency (Hz) to the next; 1 at 0,
+        which means each period.
+        """
+        # a quotient of frequencies that divide each other may be inexact
+        return round(self.control / frequency) if frequency else 1
+
     def __post_init__(self) -> None:
         accept_fields(self, "rates", ScenarioError)
         for fast, slow in (("physics", "control"), ("control", "reference")):

@@ -351,11 +351,6 @@ def sensor_data(piece: AgentPiece) -> tuple[dict[str, Array], dict[str, Any]]:
         described[COMPONENTS] = Source(declared).plain
     for name, reading in flown.readings:
         i, sensor = sensors[name]
-        # rounded, because a quotient of frequencies that divide each other may be
-        # inexact
-        every = (
-            round(scenario.rates.control / sensor.frequency) if sensor.frequency else 1
-        )
         frame = (
             None
             if sensor.feels is None
@@ -369,7 +364,7 @@ def sensor_data(piece: AgentPiece) -> tuple[dict[str, Array], dict[str, Any]]:
         keep(
             f"{READINGS}.{name}",
             reading,
-            every=every,
+            every=scenario.rates.periods_between(sensor.frequency),
             late=late,
             frame=frame,
             mount=mount,

@@ -208,10 +208,7 @@ class EpisodeCode(LoopProgram):
         """
         if not self.calls:
             return super().stages(numbers, row)
-        examples = [own.queue[0] for own in self.first.agents]
-        return StagesInPython(
-            self.vary(numbers), self.calls, examples, row.commands, row.modes
-        )
+        return StagesInPython(self.vary(numbers), self.calls, row.commands, row.modes)
 
     def plant_steps(self, stages: Stages) -> PlantSteps[State]:
         """Plant model within a control period; one that cannot be traced is called."""

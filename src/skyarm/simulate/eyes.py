@@ -208,7 +208,7 @@ class Eyes:
                 RayCaster(
                     sensor.directions(), [i for i, _ in seen], [p for _, p in seen]
                 ),
-                round(scenario.rates.control / sensor.frequency),
+                scenario.rates.periods_between(sensor.frequency),
                 sensor_channel(name.rpartition(".")[2], agent),
             )
         self.names = tuple(self._cameras)

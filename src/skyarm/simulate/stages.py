@@ -417,8 +417,7 @@ class AgentStages:
         self.logged = (*full, *(name for name, _ in self.sensors[1:]))
         # named sensors are measured each so many control periods
         self._every = tuple(
-            round(scenario.rates.control / s.frequency) if s.frequency else 1
-            for _, s in self.sensors
+            scenario.rates.periods_between(s.frequency) for _, s in self.sensors
         )
         self._models = scenario.components
 
