@@ -63,10 +63,9 @@ def closed_contacts(around: Together) -> list[tuple[ClosedContact, ContactMemory
     """Contact model whose grasps the plant closes, or whose forces it finds, with its
     internal state; else empty.
     """
-    pairs = zip(around.components, around.memories, strict=True)
     return [
         pair  # type: ignore[misc]
-        for pair in pairs
+        for pair in zip(around.components, around.memories, strict=True)
         if getattr(pair[1], "constraints", ()) or getattr(pair[0], "geoms", False)
     ]
 

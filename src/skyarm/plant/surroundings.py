@@ -4,7 +4,7 @@ drives of all vehicles.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import reduce
 from typing import Any
@@ -52,10 +52,15 @@ class Surroundings:
     drives: tuple[Drive, ...] = ()
     drive_memories: Memories = ()
 
+    @property
+    def models(self) -> Iterator[tuple[AnyComponent, Tree]]:
+        """Environment models, each with its internal state."""
+        return zip(self.components, self.memories, strict=True)
+
     def air_velocity(self, position_W: Vec3) -> Vec3:
         """Air velocity (m/s, world axes) at a position: sum of all wind models."""
         total = ZERO3
-        for component, memory in zip(self.components, self.memories, strict=True):
+        for component, memory in self.models:
             total = total + component.velocity(memory, self.time, position_W)
         return total
 
@@ -67,7 +72,7 @@ class Surroundings:
                 exist.
         """
         wrenches: list[Wrench] = []
-        for component, memory in zip(self.components, self.memories, strict=True):
+        for component, memory in self.models:
             given = component.wrenches(
                 memory, self.time, motion, motion.state.rotor_speeds
             )
@@ -88,7 +93,7 @@ class Surroundings:
         self, rotors: Sequence[Rotor], commands: Sequence[Scalar]
     ) -> Sequence[Scalar]:
         """Rotor speed commands (rad/s) limited by the battery."""
-        for component, memory in zip(self.components, self.memories, strict=True):
+        for component, memory in self.models:
             commands = component.rotor_commands(memory, rotors, commands)
         return commands
 

@@ -196,7 +196,7 @@ class EpisodeCode(LoopProgram):
     def _trace(self, cut: Cut) -> Loop:
         waiting = [own.queue[0] for own in self.first.agents] if self.commands else []
         row = PeriodRow(
-            given=self.inputs.row_examples,
+            given=tuple(each.row_example for each in self.inputs.each),
             modes=(0.0,) * len(waiting),
             commands=tuple(map(structure_of, waiting)),
         )
@@ -344,25 +344,22 @@ class EngineState:
     """State of an engine between two control periods.
 
     Attributes:
-        scenario, inputs, rows: scenario that is flown, its inputs and their table.
-        begun, tick, ended, from_outside: as of :class:`Engine`.
+        kept: attributes of :class:`Engine` by name, those of ``KEPT``.
         carry, parameters: loop state and parameters of the program. table: log so far.
         memories: internal states of laws that are called.
         pictures: those taken (:class:`skyarm.simulate.pictures.ArrivingPictures`).
     """
 
-    scenario: Scenario
-    inputs: FlightInputs
-    rows: Array
-    begun: int
-    tick: int
-    ended: Ended | None
-    from_outside: float
+    kept: Mapping[str, Any]
     carry: Array
     parameters: Array
     table: Array
     memories: list[Any]
     pictures: dict[str, Array]
+
+
+KEPT = ("scenario", "_inputs", "_rows", "begun", "tick", "ended", "from_outside")
+"""Attributes of an engine that a snapshot keeps as they are."""
 
 
 class Engine:
@@ -696,13 +693,7 @@ class Engine:
     def snapshot(self) -> EngineState:
         """Copy of the simulator's state, from which :meth:`restore` continues."""
         return EngineState(
-            scenario=self.scenario,
-            inputs=self._inputs,
-            rows=self._rows,
-            begun=self.begun,
-            tick=self.tick,
-            ended=self.ended,
-            from_outside=self.from_outside,
+            kept={name: getattr(self, name) for name in KEPT},
             carry=self._stepper.carry.copy(),
             parameters=self._stepper.parameters.copy(),
             # not copied, being large: what it has up to here is not written again
@@ -713,13 +704,8 @@ class Engine:
 
     def restore(self, state: EngineState) -> None:
         """Return to the simulator state of a snapshot."""
-        self.scenario = state.scenario
-        self._inputs = state.inputs
-        self._rows = state.rows
-        self.begun = state.begun
-        self.tick = state.tick
-        self.ended = state.ended
-        self.from_outside = state.from_outside
+        for name, value in state.kept.items():
+            setattr(self, name, value)
         self._stepper.carry[:] = state.carry
         self._stepper.parameters[:] = state.parameters
         self._pictures.taken = copy.deepcopy(state.pictures)

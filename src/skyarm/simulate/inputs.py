@@ -23,7 +23,6 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop_state import (
     AgentLoop,
     GivenRow,
-    GivenRows,
     InputRow,
     LoopState,
     PathClock,
@@ -259,13 +258,6 @@ class FlightInputs:
         first, *others = (each.rows for each in self.each)
         # the table of an only vehicle is taken as it is: hstack would copy it
         return np.hstack([first, *others]) if others else first
-
-    @property
-    def row_examples(self) -> GivenRows:
-        """Closed-loop inputs at one control instant with zeros as numbers, from which a
-        program is traced.
-        """
-        return tuple(each.row_example for each in self.each)
 
     def rows_at(self, tick: int, now: LoopState) -> tuple[InputRow[Reference], ...]:
         """Closed-loop inputs of all vehicles in the control period that begins with a
