@@ -260,7 +260,7 @@ def _of_unit(
 
 
 def _rows(slot: Slot) -> Iterator[GrammarRow]:
-    at = f"{slot.path}[]" if _is_list(slot) else slot.path
+    at = f"{slot.path}[]" if slot.is_list else slot.path
     varies = WHEN[slot.word.varies]
     entry = _slot_entry(slot)
     when = varies
@@ -305,7 +305,7 @@ def _slot_entry(slot: Slot) -> str:
         return _one_of({"kind": names("plant"), **SETTINGS}[slot.place[1]])
     if slot.path == "reference.governor":
         return "true, false or a table"
-    if _is_list(slot):
+    if slot.is_list:
         return "list of tables"
     return "table" if slot.path != slot.table else entry_in_words(slot.type)
 
@@ -486,10 +486,6 @@ SPECIAL: Mapping[str, Callable[[], Iterator[GrammarRow]]] = {
 }
 """Tables whose keys differ from the fields of their record, each with the function that
 lists them."""
-
-
-def _is_list(slot: Slot) -> bool:
-    return slot.path == slot.table and typing.get_origin(slot.type) is tuple
 
 
 def _records_in(annotation: object) -> tuple[type, ...]:

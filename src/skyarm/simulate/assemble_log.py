@@ -270,10 +270,10 @@ def _tables(piece: AgentPiece) -> dict[str, Array]:
     )
     sampled, free, path_time, late = _references(inputs, flown, start, stop)
     tables = {
-        "position_held": table(sampled.position, late),
-        "velocity_held": table(sampled.velocity, late),
-        "joints_held": table(sampled.joints, late),
-        "joint_rates_held": table(sampled.joint_rates, late),
+        f"{name}_held": table(getattr(sampled, name), late)
+        for name in ("position", "velocity", "joints", "joint_rates")
+    }
+    tables |= {
         "yaw_held": table((sampled.yaw,), late)[:, 0],
         "position_reference": table(free.position),
         "joints_reference": table(free.joints),
