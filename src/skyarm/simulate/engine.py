@@ -30,7 +30,7 @@ from skyarm.control.law_estimates import PushAlone
 from skyarm.dynamics import State
 from skyarm.plant.interface import make_plant
 from skyarm.plant.largest_step import STATED
-from skyarm.records.arrays import Array, doubles
+from skyarm.records.arrays import Array, doubles, field_views
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.records.path_names import word_of
@@ -193,14 +193,18 @@ class EpisodeCode(LoopProgram):
         store_program(name, program)
         return program
 
-    def _trace(self, cut: Cut) -> Loop:
+    @cached_property
+    def row(self) -> PeriodRow:
+        """Inputs of a control period, as an example."""
         waiting = [own.queue[0] for own in self.first.agents] if self.commands else []
-        row = PeriodRow(
+        return PeriodRow(
             given=tuple(each.row_example for each in self.inputs.each),
             modes=(0.0,) * len(waiting),
             commands=tuple(map(structure_of, waiting)),
         )
-        return self.trace(cut, self.carry, row)
+
+    def _trace(self, cut: Cut) -> Loop:
+        return self.trace(cut, self.carry, self.row)
 
     def stages(self, numbers: Any, row: PeriodRow = NO_INPUTS) -> Stages:
         """Computation stages of a control period; in Python a law that cannot be traced
@@ -358,7 +362,17 @@ class EngineState:
     pictures: dict[str, Array]
 
 
-KEPT = ("scenario", "_inputs", "_rows", "begun", "tick", "ended", "from_outside")
+KEPT = (
+    "scenario",
+    "_inputs",
+    "_rows",
+    "_modes",
+    "_outside",
+    "begun",
+    "tick",
+    "ended",
+    "from_outside",
+)
 """Attributes of an engine that a snapshot keeps as they are."""
 
 
@@ -398,9 +412,7 @@ class Engine:
         # one array for good: a copy in each stretch would be garbage
         self._before = self._stepper.carry.copy()
         self._first = 0  # period of the inputs' first row
-        # of a row but for the commands
-        length, self._width = self.inputs.rows.shape
-        self.recorder = FlightRecorder(code.sample, length)
+        self.recorder = FlightRecorder(code.sample, len(self.inputs.rows))
         self._read_inputs()
         self.tick = self.begun = 0
         self.ended: Ended | None = None
@@ -428,17 +440,18 @@ class Engine:
         commands from the user.
         """
         self._rows = self.inputs.rows
+        row = self.code.row
         if self.code.commands:
-            # a mode for each vehicle, then the numbers of each command
-            room = len(self._command_sizes) + sum(self._command_sizes)
-            nothing = np.zeros((len(self._rows), room))
+            nothing = np.zeros(
+                (len(self._rows), len(leaves((row.modes, row.commands))))
+            )
             self._rows = np.hstack([self._rows, nothing])
+        columns, _ = field_views(row, self._rows.T)
+        # (vehicles, periods), and of each vehicle (numbers, periods)
+        self._modes = columns["modes"]
+        own, _ = field_views(row.commands, columns["commands"])
+        self._outside = [*own.values()]
         self._stepper.read_tables(self._rows, self.recorder.table)
-
-    @cached_property
-    def _command_sizes(self) -> list[int]:
-        """Count of numbers in a command of each vehicle."""
-        return [len(leaves(own.queue[0])) for own in self.first.agents]
 
     @property
     def inputs(self) -> FlightInputs:
@@ -482,21 +495,16 @@ class Engine:
             return False
         if commands:
             mode = 2.0 if rotors_only else 1.0
-            modes = len(commands)
-            self._rows[k, self._width :][:modes] = [
-                mode if each else 0.0 for each in commands
-            ]
-            at = self._width + modes
-            for each, size in zip(commands, self._command_sizes, strict=True):
+            self._modes[:, k] = [mode if each else 0.0 for each in commands]
+            for each, numbers in zip(commands, self._outside, strict=True):
                 if each:
-                    self._rows[k, at : at + len(each)] = each
-                at += size
+                    numbers[:, k] = each
             # restore leaves it: rows behind may still hold modes, which have to be
             # zeroed
             self.commanded = True
             self.from_outside = min(self.from_outside, k)
         elif self.commanded:
-            self._rows[k, self._width :][: len(self.first.agents)] = 0.0
+            self._modes[:, k] = 0.0
         return self._fly(k + 1)
 
     def fly(self, stop: int) -> bool:
@@ -517,7 +525,7 @@ class Engine:
         begun = perf_counter()
         before = self.tick
         if self.commanded:
-            self._rows[before:stop, self._width :][:, : len(self.first.agents)] = 0.0
+            self._modes[:, before:stop] = 0.0
         going = self._fly(stop)
         size = self.tick - before
         # at least 1 us: a clock may not have moved, and is divided by
