@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -68,19 +68,23 @@ class EpisodeInputs:
         return table_of(self.held_reference, len(self.ticks))
 
     @cached_property
-    def rows(self) -> Array:
-        """Table of closed-loop inputs, one row per control instant: time, held
-        reference, time-scaled reference.
+    def fed(self) -> GivenRow:
+        """Closed-loop inputs at the control instants, as a record of arrays: time, held
+        and time-scaled reference; the time alone where phases wait.
         """
         if self.waits.guards:
-            return table_of((self.times,), len(self.ticks))
-        fed = InputRow(
+            return InputRow(time=self.times, reference=())
+        return InputRow(
             time=self.times,
             reference=self.held_reference,
             scaled=self.scaled_reference,
             path_time=self.path_time,
         )
-        return table_of(fed, len(self.ticks))
+
+    @cached_property
+    def rows(self) -> Array:
+        """Table of closed-loop inputs, one row per control instant."""
+        return table_of(self.fed, len(self.ticks))
 
     @cached_property
     def scaled_reference(self) -> Reference | tuple[()]:
@@ -114,22 +118,7 @@ class EpisodeInputs:
         """Closed-loop inputs at one control instant with zeros as numbers, from which a
         program is traced.
         """
-        if self.waits.guards:
-            return InputRow(time=0.0, reference=())
-        return self._whole_row
-
-    @property
-    def _whole_row(self) -> InputRow[Reference]:
-        """Closed-loop inputs at one instant, reference included, with zeros as numbers,
-        to trace a program from.
-        """
-        scaled = structure_of(self.scaled_reference)
-        return InputRow(
-            time=0.0,
-            reference=self.reference_example,
-            scaled=scaled,
-            path_time=0.0 if scaled else (),
-        )
+        return structure_of(self.fed)
 
     @cached_property
     def waits(self) -> Waits:
@@ -198,14 +187,7 @@ class EpisodeInputs:
                 reference=self.held_now(clock, ticks),
                 path_time=path_time,
             )
-        return rebuild(self._whole_row, numbers)
-
-    @cached_property
-    def reference_example(self) -> Reference:
-        """Reference at one instant with zeros as numbers, from which a program is
-        traced.
-        """
-        return structure_of(self.held_reference)
+        return cast("InputRow[Reference]", rebuild(self.row_example, numbers))
 
 
 class FlightInputs:
