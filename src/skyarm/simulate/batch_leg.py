@@ -544,8 +544,7 @@ class Leg:
             (component_places(self.scenario), component_places(leg.scenario)),
             clocks,
         )
-        rows = [*leaves(now), *leaves(totals_now)]
-        return np.stack([np.broadcast_to(row, (len(episodes),)) for row in rows])
+        return table_of((now, totals_now), len(episodes)).T
 
     def fly(
         self, carry: Array, parameters: Array, seed: int, episodes: Array, threads: int
