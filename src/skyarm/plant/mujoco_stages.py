@@ -141,7 +141,7 @@ class StagedRungeKutta:
         first, now = layout.states(inputs.start), layout.states(inputs.now)
         own, share, earlier, time, step = inputs.weights
         shape = around.coupled_memories()
-        there = around.with_coupled(rebuild(shape, iter(inputs.memory)))
+        there = around.with_coupled(rebuild(shape, inputs.memory))
         faster = leaves(there.slopes(there.motions(layout.worlds, now)))
         for each in self._welds:
             for place, rate in zip(
@@ -151,7 +151,7 @@ class StagedRungeKutta:
         rows = list(zip(inputs.first, inputs.rates, faster, strict=True))
         memory = [add(m, add(mul(earlier, s), mul(own, k))) for m, s, k in rows]
         rates = [add(s, mul(share, k)) for _, s, k in rows]
-        around = around.with_coupled(rebuild(shape, iter(memory)))
+        around = around.with_coupled(rebuild(shape, memory))
         slopes = list[Scalar]()
         turns = iter(inputs.turn)
         total = iter(inputs.total)

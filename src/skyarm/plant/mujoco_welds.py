@@ -114,7 +114,7 @@ class Welds:
         around: Together,
     ) -> None:
         # each number replaced by its index tells where it stands in a flat row
-        numbered = rebuild(around.coupled_memories(), iter(map(float, count())))
+        numbered = rebuild(around.coupled_memories(), map(float, count()))
         ((contact, ours),) = closed_contacts(around.with_coupled(numbered))
         self._grasps = contact.grasps
         objects = contact.objects

@@ -534,8 +534,8 @@ class Leg:
             totals = np.array(leaves(self.first[1]))[:, None]
             return np.vstack([fresh, np.repeat(totals, len(episodes), axis=1)])
         leg, carry = last
-        loop, totals_now = rebuild(leg.first, iter(list(carry)))
-        begun = rebuild(self.first[0], iter(list(fresh)))
+        loop, totals_now = rebuild(leg.first, carry)
+        begun = rebuild(self.first[0], fresh)
         anew = other_references(self.scenario, self._overrides, leg._overrides)
         clocks = clocks_of_change(self.scenario, begun, loop, anew=anew)
         now = carry_over(

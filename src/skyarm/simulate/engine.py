@@ -585,9 +585,7 @@ class Engine:
         named, command = getattr(self._stepper, "command", ("", ()))
         commands = {named: command}
         if not command:
-            sample = rebuild(
-                self.code.sample, iter(self.recorder.row(self.tick).tolist())
-            )
+            sample = rebuild(self.code.sample, self.recorder.row(self.tick).tolist())
             commands = {
                 name: leaves(own.command)
                 for name, own in zip(scenario.agents, sample.agents, strict=True)
@@ -624,7 +622,7 @@ class Engine:
     @property
     def now(self) -> LoopState:
         """State of plant, law, sensors and estimator before the next control period."""
-        state = rebuild(self.code.carry, iter(self._stepper.carry.tolist()))
+        state = rebuild(self.code.carry, self._stepper.carry.tolist())
         if not self.code.calls:
             return state
         laws = zip(self._laws, self.code.calls, state.agents, strict=True)
@@ -658,8 +656,8 @@ class Engine:
         rows = self.inputs.rows_at(ticks[0], now)
         # the memory of another law may hold anything
         if all(law.compiled for law in self._laws):
-            now = rebuild(now, iter(np.array(leaves(now), dtype=float)))
-            rows = rebuild(rows, iter(np.array(leaves(rows), dtype=float)))
+            now = rebuild(now, np.array(leaves(now), dtype=float))
+            rows = rebuild(rows, np.array(leaves(rows), dtype=float))
         draws = [
             uniforms(scenario.seed, scenario.episode, each, ticks, count)[0]
             for each, count in program.draws
@@ -671,7 +669,7 @@ class Engine:
 
     def state(self) -> State:
         """Current true state of the only vehicle."""
-        return rebuild(self.first.agent.state, iter(self._stepper.carry[2:].tolist()))
+        return rebuild(self.first.agent.state, self._stepper.carry[2:].tolist())
 
     def reference(self) -> Reference:
         """Reference sample of the only vehicle that is held in the next control
@@ -696,7 +694,7 @@ class Engine:
         stepper.parameters[:] = self._stepper.parameters
         stepper.read_tables(self._rows[self.tick : self.tick + 1], output)
         stepper.fly(0, 1, start=self.tick)
-        return rebuild(example, iter(output[0].tolist()))
+        return rebuild(example, output[0].tolist())
 
     def snapshot(self) -> EngineState:
         """Copy of the simulator's state, from which :meth:`restore` continues."""

@@ -42,7 +42,7 @@ class FlightRecorder:
         samples = list[LoggedSamples]()
         rows = rows.copy() if kept else rows
         # columns in place of numbers: each field becomes an array over time
-        columns = rebuild(self._sample, iter(rows.T))
+        columns = rebuild(self._sample, rows.T)
         for own, span in zip(columns.agents, self._spans, strict=True):
             samples.append(
                 LoggedSamples(

@@ -170,7 +170,7 @@ class EpisodeInputs:
         dense = sample.dense()
         return rebuild(
             dense,
-            iter([float(np.asarray(leaf).reshape(-1)[0]) for leaf in leaves(dense)]),
+            [float(np.asarray(leaf).reshape(-1)[0]) for leaf in leaves(dense)],
         )
 
     def row_at(self, tick: int, own: AgentLoop, ticks: Scalar) -> InputRow[Reference]:

@@ -276,5 +276,5 @@ def structure_of(record: Record) -> Record:
     for tracing.
     """
     if is_record(record) or isinstance(record, tuple):
-        return rebuild(record, iter([0.0] * len(leaves(record))))
+        return rebuild(record, [0.0] * len(leaves(record)))
     return record

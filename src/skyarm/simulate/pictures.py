@@ -165,7 +165,7 @@ class FlightPictures(ArrivingPictures):
                 scenario,
                 np.array([tick]),
                 np.zeros(1, int),
-                lambda _: (rebuild(self._example, iter(carry[:, None])), (), {}),
+                lambda _: (rebuild(self._example, carry[:, None]), (), {}),
             )
             for place, row in zip(self._places.values(), newest, strict=True):
                 carry[place] = row[0]

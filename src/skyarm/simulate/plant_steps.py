@@ -243,7 +243,7 @@ class AgentStagesInPython(AgentStages):
                 return (0.0,) * count
             # kept outside the program, as it may be any object
             self._calls.memory, command = law(
-                self._calls.memory, *rebuild(inputs, iter(numbers))
+                self._calls.memory, *rebuild(inputs, numbers)
             )
             return (*leaves(command), *leaves(PushAlone.of(self._calls.memory)))
 

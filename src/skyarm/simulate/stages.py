@@ -694,7 +694,7 @@ def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Refe
             for a, b in zip(pose, numbers, strict=True)
             if is_leaf(b)
         ]
-    return rebuild(going, iter(values))
+    return rebuild(going, values)
 
 
 def load_wrenches(

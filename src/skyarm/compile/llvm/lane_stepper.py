@@ -266,7 +266,7 @@ class Quick:
 
     def shaped(self) -> Any:
         """Output values as the dataclass that the compiled function returns."""
-        return rebuild(self.result, iter(self.outputs.tolist()))
+        return rebuild(self.result, self.outputs.tolist())
 
     def _in_python(self, loop: Loop) -> Callable[[], None]:
         program = loop.stepper()

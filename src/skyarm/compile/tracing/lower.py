@@ -172,8 +172,7 @@ def repeat(
             before = len(graph.nodes)
             slots = [graph.slot() for _ in starts]
             ends = [
-                graph.lift(leaf)
-                for leaf in leaves(function(rebuild(record, iter(slots))))
+                graph.lift(leaf) for leaf in leaves(function(rebuild(record, slots)))
             ]
             if len(ends) != len(starts):
                 raise ValueError(
@@ -182,7 +181,7 @@ def repeat(
                 )
             if until is not None or count * (len(graph.nodes) - before) > WRITTEN_OUT:
                 return rebuild(
-                    record, iter(graph.repeat(count, slots, starts, ends, until=until))
+                    record, graph.repeat(count, slots, starts, ends, until=until)
                 )
             for _ in range(count):
                 record = function(record)
