@@ -65,7 +65,7 @@ def friction_rate(vehicle: Vehicle) -> float:
     """
     joints = vehicle.joints
     # symbols of a batch have no eigenvalues: its lanes are checked one by one
-    if not joints or not concrete(*leaves((vehicle.base, vehicle.links))):
+    if not joints or not _is_concrete(vehicle):
         return 0.0
     D = np.array([float(j.damping) + _steepest(j) for j in joints])
     # no friction needs no mass matrix
@@ -78,6 +78,11 @@ def friction_rate(vehicle: Vehicle) -> float:
     if rate > FASTEST:
         raise VehicleError(_blame(joints[int(np.argmax(np.abs(mode)))], rate))
     return rate
+
+
+def _is_concrete(vehicle: Vehicle) -> bool:
+    """True if masses and joints of a vehicle are plain numbers, not symbols."""
+    return concrete(*leaves((vehicle.base, vehicle.links)))
 
 
 def fastest_mode(vehicle: Vehicle, root: Array) -> tuple[float, Array]:
@@ -177,9 +182,7 @@ def stop_frequency(vehicle: Vehicle) -> float:
     Zero without stops, or where the numbers are not concrete.
     """
     joints = vehicle.joints
-    if not any(joint.has_stops for joint in joints) or not concrete(
-        *leaves((vehicle.base, vehicle.links))
-    ):
+    if not any(joint.has_stops for joint in joints) or not _is_concrete(vehicle):
         return 0.0
     stiffness, damping = (
         np.array([of(joint) for joint in joints]) for of in (_stiffness, _damping)
@@ -249,7 +252,7 @@ def joint_numbers(vehicle: Vehicle) -> JointNumbers:
     by the largest efforts of all drives. () where the numbers are not concrete, or
     masses too far apart.
     """
-    if not concrete(*leaves((vehicle.base, vehicle.links))):
+    if not _is_concrete(vehicle):
         return ()
     efforts = float_array(joint.effort_limit for joint in vehicle.joints)
     # an unlimited effort has no largest acceleration: the speed of now counts alone

@@ -45,11 +45,7 @@ as if the joint were fixed."""
 
 def rigid_loads(around: Surroundings) -> list[tuple[TimedPayload, PayloadMemory]]:
     """Rigid payloads of the scenario, each with its internal state."""
-    return [
-        pair
-        for pair in zip(around.components, around.memories, strict=True)
-        if _is_rigid(pair)
-    ]
+    return [*filter(_is_rigid, around.models)]
 
 
 def _is_rigid(
@@ -153,7 +149,7 @@ def wind_at(around: Surroundings, motion: PointMotion) -> WindSample:
     """
     vehicle, state = motion.vehicle, motion.state
     force = ZERO3
-    for component, memory in zip(around.components, around.memories, strict=True):
+    for component, memory in around.models:
         if component.coupled:
             # a coupled model logs its own forces
             continue
@@ -172,7 +168,7 @@ def wind_at(around: Surroundings, motion: PointMotion) -> WindSample:
         )
         force = force + motion.to_world(moved - calm)
     own = list[Scalar]()
-    for component, memory in zip(around.components, around.memories, strict=True):
+    for component, memory in around.models:
         if component.columns:
             own += component.logged(memory, motion)
     return WindSample(

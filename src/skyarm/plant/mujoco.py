@@ -11,14 +11,13 @@ import math
 import threading
 import warnings
 from collections.abc import Sequence
-from itertools import accumulate, chain, pairwise
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 
 from skyarm.algebra import Scalar, Scalars
-from skyarm.algebra.scalars import data
 from skyarm.compile import Program, trace
 from skyarm.compile.llvm.lane_stepper import Quick
 from skyarm.dynamics.actuators import Command
@@ -52,8 +51,8 @@ from skyarm.plant.mujoco_model import add_vehicle, body_name, build_spec
 from skyarm.plant.mujoco_stages import StagedRungeKutta
 from skyarm.plant.mujoco_welds import Welds, closed_contacts
 from skyarm.plant.surroundings import Surroundings, Together, coupled_places, several
-from skyarm.records.arrays import Array
-from skyarm.records.leaves import leaves
+from skyarm.records.arrays import Array, field_views
+from skyarm.records.leaves import as_data, leaves
 from skyarm.vehicle import BASE, Vehicle
 from skyarm.vehicle.vehicle_records import require_plant
 
@@ -222,24 +221,17 @@ class MujocoPlant:
         self._gravity = self.model.opt.gravity
         self._bases = self._views_of_bases(prefixes)
         commands = tuple(example_command(*each.sizes) for each in vehicles)
-        self._loads = Quick(
-            self._forces_and_speeds, (0.0,) * layout.end, commands, around, physics_step
-        )
-        pieces = pairwise((0, layout.nq, layout.nq + layout.nv, layout.end))
-        self._parts = tuple(self._loads.inputs[a:b] for a, b in pieces)
+        x = tuple((0.0,) * size for size in (layout.nq, layout.nv, layout.driven))
+        given = (*x, commands, around, physics_step)
+        self._loads = loads = Quick(self._forces_and_speeds, *given)
+        # views of the program's inputs and outputs, which a step reads and writes
+        *self._parts, self._commanded, self._around, _ = field_views(
+            given, loads.inputs
+        )[0].values()
+        self._pushed, self._turned, self._remembered, self._held = field_views(
+            loads.result, loads.outputs
+        )[0].values()
         self._coupled = [*coupled_places(around)]
-        commanded = len(leaves(commands))
-        outputs = self._loads.outputs
-        ends = (
-            0,
-            *accumulate((len(self._force), layout.driven, len(self._coupled))),
-            len(outputs),
-        )
-        self._pushed, self._turned, self._remembered, self._held = (
-            outputs[a:b] for a, b in pairwise(ends)
-        )
-        self._around = self._loads.inputs[layout.end + commanded : -1]
-        self._commanded = self._loads.inputs[layout.end :][:commanded]
         self._written = NOTHING
         # followers are held from step to step; without them nothing is
         self._forward = mujoco.mj_forward
@@ -285,12 +277,18 @@ class MujocoPlant:
         return trace(steps, states, 0.0) if any(stops) else None
 
     def _forces_and_speeds(
-        self, x: Scalars, commands: tuple[Command, ...], around: Together, dt: Scalar
-    ) -> Scalars:
-        """Generalised forces for MuJoCo, and rotor, tilt and contact states after an
-        integration step of ``dt`` (s).
+        self,
+        qpos: Scalars,
+        qvel: Scalars,
+        speeds: Scalars,
+        commands: tuple[Command, ...],
+        around: Together,
+        dt: Scalar,
+    ) -> tuple[Scalars, Scalars, Scalars, Scalars]:
+        """Generalised forces for MuJoCo, rotor and tilt states and those of contacts
+        after an integration step of ``dt`` (s), and added armature.
         """
-        states = self._layout.states(x)
+        states = self._layout.states((*qpos, *qvel, *speeds))
         if self._euler:
             around = before_euler_step(self._worlds, states, around, dt)
         # in the stages of "rk4", MuJoCo's own, our forces are those of the step's start
@@ -309,17 +307,9 @@ class MujocoPlant:
         if self._euler:
             for world, state in zip(worlds, states, strict=True):
                 frictions += held_frictions(world.vehicle, state, dt)
-        return tuple(
-            map(
-                data,
-                (
-                    *forces,
-                    *driven,
-                    *leaves(around.after_euler_step(slopes, dt)),
-                    *frictions,
-                ),
-            )
-        )
+        remembered = leaves(around.after_euler_step(slopes, dt))
+        parts = forces, driven, remembered, frictions
+        return as_data(tuple(map(tuple, parts)))
 
     def advance(
         self, state: Flat, command: Flat, around: Flat, seconds: float

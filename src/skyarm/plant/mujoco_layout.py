@@ -117,7 +117,7 @@ class Layout:
         """
         return rebuild(
             tuple(example_state(*each.sizes) for each in self.vehicles),
-            iter(self.to_ours(x)),
+            self.to_ours(x),
         )
 
     def accelerations(self, qacc: Sequence[Scalar]) -> list[tuple[Vec3, Vec3, Scalars]]:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import accumulate, pairwise
 
 import mujoco
 import numpy as np
@@ -26,9 +25,9 @@ from skyarm.plant.loads import follow_commands, with_equivalent_rotors
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_welds import Welds
 from skyarm.plant.surroundings import Together, coupled_places
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, field_views
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import leaves, parts, rebuild
+from skyarm.records.leaves import leaves, rebuild
 
 STAGES = (
     (1.0 / 2.0, 1.0 / 6.0, 0.0, 0.5),
@@ -119,19 +118,9 @@ class StagedRungeKutta:
         )
         commands = tuple(example_command(*each.sizes) for each in vehicles)
         self._program = Quick(self._stage, inputs, commands, around)
-        ends = accumulate((len(part) for part in parts(inputs).values()), initial=0)
-        views = [self._program.inputs[a:b] for a, b in pairwise(ends)]
-        (
-            self._start,
-            self._first,
-            self._now,
-            self._memory,
-            self._turn,
-            self._sum,
-            self._rates,
-        ) = views[:7]
-        self._acceleration, self._weights = views[7:]
-        self._given = self._program.inputs[len(leaves(inputs)) :]
+        # views of the program's inputs, by field
+        self._at, count = field_views(inputs, self._program.inputs)
+        self._given = self._program.inputs[count:]
         # state, memories, rotation vector and sums stand side by side among inputs and
         # outputs: one copy
         before = layout.end + len(self._coupled)
@@ -139,7 +128,8 @@ class StagedRungeKutta:
         self._moving = self._program.inputs[before:][:width]
         self._move_state = self._program.outputs[:width]
         self._loads = self._program.outputs[width:]
-        self._positions, self._velocities = self._now[:nq], self._now[nq : nq + nv]
+        now = self._at["now"]
+        self._positions, self._velocities = now[:nq], now[nq : nq + nv]
 
     def _stage(
         self, inputs: RungeKuttaInputs, commands: tuple[Command, ...], around: Together
@@ -151,7 +141,7 @@ class StagedRungeKutta:
         first, now = layout.states(inputs.start), layout.states(inputs.now)
         own, share, earlier, time, step = inputs.weights
         shape = around.coupled_memories()
-        there = around.with_coupled(rebuild(shape, iter(inputs.memory)))
+        there = around.with_coupled(rebuild(shape, inputs.memory))
         faster = leaves(there.slopes(there.motions(layout.worlds, now)))
         for each in self._welds:
             for place, rate in zip(
@@ -161,7 +151,7 @@ class StagedRungeKutta:
         rows = list(zip(inputs.first, inputs.rates, faster, strict=True))
         memory = [add(m, add(mul(earlier, s), mul(own, k))) for m, s, k in rows]
         rates = [add(s, mul(share, k)) for _, s, k in rows]
-        around = around.with_coupled(rebuild(shape, iter(memory)))
+        around = around.with_coupled(rebuild(shape, memory))
         slopes = list[Scalar]()
         turns = iter(inputs.turn)
         total = iter(inputs.total)
@@ -213,24 +203,25 @@ class StagedRungeKutta:
         # a share of a sum of slopes that hold a step's length already
         tableau[:, 2] = [row[2] for row in STAGES]
         program = self._program.step
-        self._now[:] = x
-        self._memory[:] = memory
+        at = self._at
+        at["now"][:] = x
+        at["memory"][:] = memory
         self._given[:] = given
         self._loads[:] = forces
         for _ in range(steps):
-            self._start[:], self._first[:] = self._now, self._memory
+            at["start"][:], at["first"][:] = at["now"], at["memory"]
             # the rotation vector counts from the attitude at which the step begins
-            self._turn[:], self._sum[:], self._rates[:] = 0.0, 0.0, 0.0
+            at["turn"][:], at["total"][:], at["rates"][:] = 0.0, 0.0, 0.0
             for row in tableau:
                 self._solve()
-                self._acceleration[:] = self._qacc
-                self._weights[:] = (*row, dt)
+                at["acceleration"][:] = self._qacc
+                at["weights"][:] = (*row, dt)
                 program()
                 self._moving[:] = self._move_state
         for each in self._welds:
             self._solve()
-            self._memory[each.forces] = each.wrenches()
-        return self._now.tolist(), self._memory.tolist()
+            at["memory"][each.forces] = each.wrenches()
+        return at["now"].tolist(), at["memory"].tolist()
 
     def _solve(self) -> None:
         """Compute MuJoCo's accelerations and constraint forces at the stage's state
@@ -240,7 +231,7 @@ class StagedRungeKutta:
         self._qvel[:] = self._velocities
         self._force[:] = self._loads
         for each in self._welds:
-            each.put(self._memory)
+            each.put(self._at["memory"])
         self._forward(self._model, self._data)
 
 

@@ -63,10 +63,9 @@ def closed_contacts(around: Together) -> list[tuple[ClosedContact, ContactMemory
     """Contact model whose grasps the plant closes, or whose forces it finds, with its
     internal state; else empty.
     """
-    pairs = zip(around.components, around.memories, strict=True)
     return [
         pair  # type: ignore[misc]
-        for pair in pairs
+        for pair in zip(around.components, around.memories, strict=True)
         if getattr(pair[1], "constraints", ()) or getattr(pair[0], "geoms", False)
     ]
 
@@ -115,7 +114,7 @@ class Welds:
         around: Together,
     ) -> None:
         # each number replaced by its index tells where it stands in a flat row
-        numbered = rebuild(around.coupled_memories(), iter(map(float, count())))
+        numbered = rebuild(around.coupled_memories(), map(float, count()))
         ((contact, ours),) = closed_contacts(around.with_coupled(numbered))
         self._grasps = contact.grasps
         objects = contact.objects

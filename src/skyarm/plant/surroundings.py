@@ -4,9 +4,10 @@ drives of all vehicles.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import reduce
+from itertools import repeat
 from typing import Any
 
 from skyarm.algebra import ZERO3, Scalar, Vec3
@@ -18,7 +19,7 @@ from skyarm.dynamics.state import State
 from skyarm.plant.interface import Truth
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable, positional
-from skyarm.records.leaves import Tree, leaves
+from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.records.members import SOLE
 from skyarm.vehicle import Rotor
 from skyarm.world import Component, Effectiveness, Wrench
@@ -52,10 +53,15 @@ class Surroundings:
     drives: tuple[Drive, ...] = ()
     drive_memories: Memories = ()
 
+    @property
+    def models(self) -> Iterator[tuple[AnyComponent, Tree]]:
+        """Environment models, each with its internal state."""
+        return zip(self.components, self.memories, strict=True)
+
     def air_velocity(self, position_W: Vec3) -> Vec3:
         """Air velocity (m/s, world axes) at a position: sum of all wind models."""
         total = ZERO3
-        for component, memory in zip(self.components, self.memories, strict=True):
+        for component, memory in self.models:
             total = total + component.velocity(memory, self.time, position_W)
         return total
 
@@ -67,7 +73,7 @@ class Surroundings:
                 exist.
         """
         wrenches: list[Wrench] = []
-        for component, memory in zip(self.components, self.memories, strict=True):
+        for component, memory in self.models:
             given = component.wrenches(
                 memory, self.time, motion, motion.state.rotor_speeds
             )
@@ -88,7 +94,7 @@ class Surroundings:
         self, rotors: Sequence[Rotor], commands: Sequence[Scalar]
     ) -> Sequence[Scalar]:
         """Rotor speed commands (rad/s) limited by the battery."""
-        for component, memory in zip(self.components, self.memories, strict=True):
+        for component, memory in self.models:
             commands = component.rotor_commands(memory, rotors, commands)
         return commands
 
@@ -402,25 +408,12 @@ def coupled_places(around: Together) -> tuple[int, ...]:
     """Indices of the coupled models' internal states among all numbers of the
     surroundings.
     """
-    places = list[int]()
-    first = 0
-    for own in around.each:
-        places += _coupled_in(own.components, own.memories, first)
-        first += len(leaves(own))
-    return (*places, *_coupled_in(around.components, around.memories, first))
-
-
-def _coupled_in(
-    components: Sequence[AnyComponent], memories: Memories, first: int
-) -> list[int]:
-    """Indices of the coupled models' internal states, where number ``first`` is the
-    first one of the models.
-    """
-    places = list[int]()
-    first = first + len(leaves(tuple(components)))
-    for component, memory in zip(components, memories, strict=True):
-        count = len(leaves(memory))
-        # leaves of records come before those of their memories, in the same order
-        places += range(first, first + count) if component.coupled else ()
-        first += count
-    return places
+    memories = around.coupled_memories()
+    # these numbers alone differ between surroundings with zeros and with ones there
+    both = (
+        leaves(around.with_coupled(rebuild(memories, repeat(number))))
+        for number in (0.0, 1.0)
+    )
+    return tuple(
+        i for i, (zero, one) in enumerate(zip(*both, strict=True)) if zero is not one
+    )

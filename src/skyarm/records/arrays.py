@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Scalar
+from skyarm.records.leaves import leaves, parts
 
 Array = npt.NDArray[np.float64]
 """Array of doubles; the shape stands in the docstring that names it."""
@@ -56,3 +57,16 @@ def stack_values(count: int, values: Iterable[Scalar | Array]) -> Array:
     # scalars are broadcast, so that a constant stacks with lanes
     rows = [np.broadcast_to(np.asarray(value, dtype=float), count) for value in values]
     return np.stack(rows) if rows else np.zeros((0, count))
+
+
+def field_views(record: object, rows: AnyArray) -> tuple[dict[str, Any], int]:
+    """Views of the rows of an array that hold each field of a record of scalars, by
+    field name, and the total number of rows.
+    """
+    views = {}
+    first = 0
+    for name, value in parts(record).items():
+        last = first + len(leaves(value))
+        views[name] = rows[first:last]
+        first = last
+    return views, first

@@ -8,7 +8,7 @@ program and are not leaves. :data:`Tree` is the type of all that is made of thes
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from enum import Enum
 from operator import attrgetter
 from typing import Any, ClassVar, Protocol, TypeAlias, TypeGuard, TypeVar, cast
@@ -186,10 +186,11 @@ def named_parts(record: object, where: str) -> Iterator[tuple[str, object]]:
         yield f"{where}{steps}".removeprefix("."), value
 
 
-def rebuild(template: Record, values: Iterator[object]) -> Record:
-    """Copy of a nested dataclass with its scalars replaced, in order, by given
-    values.
+def rebuild(template: Record, values: Iterable[object]) -> Record:
+    """Copy of a nested dataclass with its scalars replaced, in order, by given values;
+    of an iterator the further ones are left.
     """
+    values = iter(values)
     made: Any = template
     if isinstance(template, tuple):
         made = tuple(rebuild(item, values) for item in template)
@@ -219,13 +220,12 @@ def shaped_like(template: Record, values: Sequence[object]) -> Record:
     """Copy of a nested dataclass with a list of scalars in place of its own; their
     number must match.
     """
-    iterator = iter(values)
     count = len(leaves(template))
     if count != len(values):
         raise ValueError(
             f"{type(template).__name__} has {count} scalars, got {len(values)}"
         )
-    return rebuild(template, iterator)
+    return rebuild(template, values)
 
 
 def part(record: object, place: Place) -> Any:

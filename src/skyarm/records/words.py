@@ -97,6 +97,11 @@ class Slot(NamedTuple):
         return self.path.removesuffix(f".{EACH}")
 
     @property
+    def is_list(self) -> bool:
+        """True if a key holds a list of records, and not one record or named tables."""
+        return EACH not in self.place and typing.get_origin(self.type) is tuple
+
+    @property
     def field(self) -> Place:
         """Path, from the outermost record, of the field that declares a key of a
         file.

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 FAR = 1e4
 """Size of a speed (m/s), rate (rad/s) or joint position (rad or m) that counts as
-divergence."""
+divergence; rotors are among the rates, of which the fastest shipped one turns at 2270
+rad/s."""
 
 LOST = 1e3
 """Distance (m) from the reference that counts as divergence."""

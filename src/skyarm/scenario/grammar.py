@@ -22,7 +22,6 @@ from skyarm.control.option_units import option_texts
 from skyarm.control.safety.limits import Limits
 from skyarm.dynamics.state import State
 from skyarm.log.metrics.windows import Window
-from skyarm.plant.largest_step import INTEGRATORS
 from skyarm.records.field_rules import defaults
 from skyarm.records.immutable import stated_fields
 from skyarm.records.leaves import field_names, is_record_class
@@ -36,23 +35,24 @@ from skyarm.reference.signals import Signal
 from skyarm.scenario import word_texts
 from skyarm.scenario.controller_table import option_words
 from skyarm.scenario.path_governor import GovernorOptions
-from skyarm.scenario.scenario_record import CLOSURES, CONTACTS, Scenario
+from skyarm.scenario.scenario_record import SETTINGS, Scenario
 from skyarm.vehicle import Joint, Vehicle
 from skyarm.vehicle.linkage import JOINT_NUMBERS
-from skyarm.world.dryden import Dryden
 from skyarm.world.gust import SHAPES, Gust
 from skyarm.world.payload import Payload
 from skyarm.world.signal_vector import SignalVector
+
+WHOLE = "as a whole in flight"
+"""Description of a part that a scheduled change may replace as a whole."""
 
 WHEN = {
     "always": "in flight, between episodes",
     "between": "between episodes",
     "never": "never",
+    "whole": WHOLE,
+    "whole and numbers": f"{WHOLE}; its numbers in flight, between episodes",
 }
 """Times at which a number may change -> their description in words."""
-
-WHOLE = "as a whole in flight"
-"""Description of a part that a scheduled change may replace as a whole."""
 
 SHAPING = (str, int, bool)
 """Types of entries that determine the structure of the compiled program."""
@@ -80,21 +80,6 @@ ENTRIES: Mapping[object, str] = {
     },
 }
 """Description in words of the entry for each type that is not a table of its fields."""
-
-CHOICES: Mapping[tuple[str, str], tuple[str, ...]] = {
-    ("Solver", "integrator"): INTEGRATORS,
-    ("Gust", "shape"): SHAPES,
-}
-"""Allowed texts of a field whose type does not list them, by class and field."""
-
-OTHERWISE: Mapping[tuple[str, str], str] = {
-    ("Fault", "effectiveness"): SIGNAL,
-    ("TimedPayload", "pick"): "number, or a table: a place",
-    ("TimedPayload", "drop"): "number, or a table: a place",
-    ("GustyWind", "gust"): "table, or a list of them",
-}
-"""Descriptions of entries that allow more than their field's type, by class and
-field."""
 
 NAMED_BY = {"environment.wind": "mode", "team": "law"}
 """Keys that name the class of a table otherwise than by ``kind``, by the table's
@@ -144,7 +129,7 @@ def grammar() -> tuple[GrammarRow, ...]:
     rows = (
         GrammarRow("schema", "", "whole number", bounds="1"),
         *of_slots,
-        *_of_numbers(),
+        *_by_hand(word_texts.PARTS, "top"),
         *_of_signals(),
     )
     return tuple(map(_with_texts, rows))
@@ -200,22 +185,6 @@ def _exact(value: float) -> str:
     return text if float(text) == value else repr(float(value))
 
 
-def _of_numbers() -> Iterator[GrammarRow]:
-    """Keys of a scenario file that correspond to no field of the scenario dataclass."""
-    yield GrammarRow("environment", "", "table")
-    yield GrammarRow("plugins", "", "table")
-    yield GrammarRow(
-        "plugins.need", "", "list of texts", meaning="plugins that must be loaded"
-    )
-    yield GrammarRow("numbers", "", "table of numbers by path", meaning="applied last")
-    yield GrammarRow(
-        "agents",
-        "",
-        "table of agents by name",
-        meaning="tables of one of several agents",
-    )
-
-
 def _of_signals() -> Iterator[GrammarRow]:
     """Keys of time signals whose class is a dataclass, and the kinds of all time
     signals.
@@ -230,56 +199,83 @@ def _of_signals() -> Iterator[GrammarRow]:
         kind = find("signal", named)
         if isinstance(kind, type):
             yield from _of_record(kind, "SIGNAL", WHEN["always"], named)
-        yield from _by_hand(word_texts.SIGNALS, named, "SIGNAL")
+        yield from _by_hand(word_texts.SIGNALS, named, "SIGNAL", named)
 
 
 def _by_hand(
-    keys: tuple[word_texts.HandWord, ...], named: str, at: str
+    keys: tuple[word_texts.HandWord, ...], named: str, at: str = "", of: str = ""
 ) -> Iterator[GrammarRow]:
-    """Keys of a shipped kind that a function reads from its table."""
+    """Keys that a function reads from the table of a kind, or from another part of a
+    file.
+
+    Args:
+        keys: descriptions of keys of many kinds and parts.
+        named: the kind or part.
+        at: path of its table; empty for the top of a file.
+        of: the kind, where a table has kinds.
+    """
     for each in keys:
         if each.kind == named:
             entry = SIGNAL if each.entry == "signal" else each.entry
-            when = (
-                WHEN["always"]
-                if "number" in entry or entry == SIGNAL
-                else WHEN["never"]
-            )
+            numbers = "number" in entry or entry == SIGNAL
             yield GrammarRow(
-                f"{at}.{each.name}",
-                named,
+                f"{at}.{each.name}" if at else each.name,
+                of,
                 entry,
                 each.unit,
-                "",
-                when,
-                False,
+                each.bounds,
+                WHEN[each.varies or ("always" if numbers else "never")],
+                each.varies == "whole and numbers",
                 each.meaning,
                 "",
                 each.default or "required",
             )
 
 
+def _of_unit(
+    path: str,
+    of: str,
+    entry: str,
+    unit: Unit,
+    varies: str,
+    default: str = "",
+    *,
+    whole: bool = False,
+) -> GrammarRow:
+    """Row of a key whose field declares unit, bounds and meaning; the other arguments
+    are fields of the row.
+    """
+    return GrammarRow(
+        path,
+        of,
+        entry,
+        unit.unit,
+        _bounds(unit),
+        varies,
+        whole,
+        unit.meaning,
+        unit.effect,
+        default,
+    )
+
+
 def _rows(slot: Slot) -> Iterator[GrammarRow]:
-    at = f"{slot.path}[]" if _is_list(slot) else slot.path
+    at = f"{slot.path}[]" if slot.is_list else slot.path
     varies = WHEN[slot.word.varies]
-    unit = slot.unit
     entry = _slot_entry(slot)
     when = varies
     if slot.word.varies == "always" and "table" in entry:
         when = f"its numbers {varies}"
     if slot.word.whole:
         when = f"{WHOLE}; {when}" if slot.word.varies == "always" else WHOLE
-    usual = default_in_words(slot.default)
-    yield GrammarRow(
+    yield _of_unit(
         at,
         "",
         entry,
-        unit.unit,
-        _bounds(unit),
+        slot.unit,
         when,
-        slot.word.whole,
-        *_words(unit),
-        usual,
+        default_in_words(slot.default),
+        whole=slot.word.whole,
     )
     if slot.word.kind:
         kinds = [named for each in slot.word.kind.split() for named in names(each)]
@@ -305,17 +301,11 @@ def _slot_entry(slot: Slot) -> str:
     """Description of the entry that a file may have for a key, such as a number, one of
     some names, or a table.
     """
-    if slot.path == "plant.kind":
-        return _one_of(names("plant"))
-    if slot.path == "plant.integrator":
-        return _one_of(INTEGRATORS)
-    if slot.path == "plant.closure":
-        return _one_of(CLOSURES)
-    if slot.path == "plant.contact":
-        return _one_of(CONTACTS)
+    if slot.place[0] == "solver":
+        return _one_of({"kind": names("plant"), **SETTINGS}[slot.place[1]])
     if slot.path == "reference.governor":
         return "true, false or a table"
-    if _is_list(slot):
+    if slot.is_list:
         return "list of tables"
     return "table" if slot.path != slot.table else entry_in_words(slot.type)
 
@@ -358,36 +348,27 @@ def _of_record(
             # a quotation mark is of a choice of texts, which shapes the program, too
             if annotation in SHAPING or "'" in entry_in_words(annotation):
                 when = "never"
-            more = (CHOICES[base, name] for base in bases if (base, name) in CHOICES)
-            entry = next(map(_one_of, more), entry_in_words(annotation))
-            entry = next(
-                (OTHERWISE[base, name] for base in bases if (base, name) in OTHERWISE),
-                entry,
-            )
             text = word_texts.of_field(tuple(bases), name)
+            entry = text.entry or entry_in_words(annotation)
             held = next((each.__name__ for each in _records_in(annotation)), "")
             meaning = text.meaning or unit.meaning or word_texts.TYPES.get(held, "")
-            default = text.default or default_in_words(usual[name])
-            effect = text.effect or unit.effect
-            in_unit = unit.unit
-            blows = called.get("peak", "")
-            if blows and name == "peak":
-                in_unit, meaning = PEAKS[blows]
-            elif blows == "force" and name == "shape":
-                # all that a file may state
-                entry = _one_of(SHAPES[:1])
-            yield GrammarRow(
+            row = _of_unit(
                 f"{at}.{word}{lists}",
                 named,
                 entry,
-                in_unit,
-                _bounds(unit),
+                unit,
                 when,
-                False,
-                meaning,
-                effect,
-                default,
-            )
+                text.default or default_in_words(usual[name]),
+            )._replace(meaning=meaning, effect=text.effect or unit.effect)
+            blows = called.get("peak", "")
+            if blows and name == "peak":
+                in_unit, meaning = PEAKS[blows]
+                row = row._replace(unit=in_unit, meaning=meaning)
+            elif kind is Gust and name == "shape":
+                # of a gust of force a file states the first alone
+                shapes = SHAPES[:1] if blows == "force" else SHAPES
+                row = row._replace(entry=_one_of(shapes))
+            yield row
         for each in _records_in(annotation):
             # a record that has one of its own kind would never end
             if (word, each) not in inside and each is not kind:
@@ -398,9 +379,8 @@ def _of_record(
                     else None
                 )
                 yield from _of_record(each, f"{at}.{word}{lists}", varies, named, peak)
-                yield from (
-                    GrammarRow(f"{at}.{word}.{row.path}", named, *row[2:])
-                    for row in MORE.get(each.__name__, ())
+                yield from _by_hand(
+                    word_texts.PARTS, each.__name__, f"{at}.{word}", named
                 )
 
 
@@ -410,56 +390,6 @@ PEAKS: Mapping[str, tuple[str, str]] = {
 }
 """Word of a gust's peak in a file -> unit and meaning."""
 
-MORE: Mapping[str, tuple[GrammarRow, ...]] = {
-    "Reach": (
-        GrammarRow(
-            "after",
-            "",
-            "number",
-            "s",
-            "at least 0",
-            WHEN["always"],
-            meaning="earliest instant",
-            default="0",
-        ),
-    ),
-    Dryden.__name__: (
-        GrammarRow(
-            "altitude",
-            "",
-            "number",
-            "m",
-            "at least 3.048, at most 304.8",
-            meaning="height above the ground, for intensity and scale lengths",
-            default="required",
-        ),
-        GrammarRow(
-            "wind_20ft",
-            "",
-            "number",
-            "m/s",
-            "at least 0",
-            meaning="wind speed 6.1 m (20 ft) above the ground",
-            default="required",
-        ),
-        GrammarRow(
-            "minimum_airspeed",
-            "",
-            "number",
-            "m/s",
-            "at least 0.001",
-            meaning="least airspeed at which the frozen turbulence passes the vehicle",
-            default="1",
-        ),
-    ),
-}
-"""Keys that a class reads in addition to those of its fields."""
-
-
-def _words(unit: Unit) -> tuple[str, str]:
-    """Meaning and effect of a key."""
-    return unit.meaning, unit.effect
-
 
 def _of_truth(path: str, truth: object) -> Iterator[GrammarRow]:
     """Keys of [plant] and [model], without those of the vehicle, which has a file of
@@ -467,34 +397,17 @@ def _of_truth(path: str, truth: object) -> Iterator[GrammarRow]:
     """
     always = WHEN["always"]
     gravity = declared_units(Model if truth is None else truth)["gravity"][1]
-    yield GrammarRow(
-        f"{path}.vehicle", "", "text", meaning="name of a shipped vehicle, or a path"
-    )
-    yield GrammarRow(
-        f"{path}.gravity",
-        "",
-        "number",
-        gravity.unit,
-        _bounds(gravity),
-        always,
-        False,
-        gravity.meaning,
-    )
+    yield GrammarRow(f"{path}.vehicle", "", "text")
+    yield _of_unit(f"{path}.gravity", "", "number", gravity, always)
     yield from _of_record(Payload, f"{path}.payload", always, "")
     declared = declared_fields(Joint)
     for name in JOINT_NUMBERS:
-        unit = declared[name][1]
-        words = "number, or one for each joint"
-        at = f"{path}.joints.{name}"
-        yield GrammarRow(
-            at,
+        yield _of_unit(
+            f"{path}.joints.{name}",
             "",
-            words,
-            unit.unit,
-            _bounds(unit),
+            "number, or one for each joint",
+            declared[name][1],
             always,
-            False,
-            *_words(unit),
             "the vehicle's",
         )
 
@@ -506,23 +419,9 @@ def _of_controller() -> Iterator[GrammarRow]:
     yield GrammarRow("controller.preset", "", _one_of(PRESETS), varies=WHOLE)
     yield GrammarRow("controller.law", "", _one_of(LAWS), varies=WHOLE)
     yield GrammarRow("controller.autopilot", "", _one_of(AUTOPILOTS))
-    yield GrammarRow(
-        "controller.tuned",
-        "",
-        "true or false, or the path of a file of gains",
-        varies=WHOLE,
-    )
-    yield GrammarRow("controller.servos", "", "true or false", varies=WHOLE)
-    yield GrammarRow("controller.safety", "", "true or false, or a table", varies=WHOLE)
+    yield from _by_hand(word_texts.PARTS, "controller", "controller")
     yield from _of_record(Limits, "controller.safety", WHEN["always"], "")
-    yield GrammarRow(
-        "controller.safety.stow",
-        "",
-        "list of numbers",
-        "rad or m",
-        varies=WHOLE,
-        meaning="joint positions of the stowed arm",
-    )
+    yield from _by_hand(word_texts.PARTS, "safety", "controller.safety")
     for law in (*LAWS, *AUTOPILOTS):
         kinds = declared_units(Options) | declared_units(entry_of(law).function())
         texts = option_texts(law)
@@ -533,21 +432,16 @@ def _of_controller() -> Iterator[GrammarRow]:
                 if annotation is None
                 else entry_in_words(annotation)
             )
-            bounds = text.allowed.replace("`", "") or _bounds(text.unit)
-            unit = text.unit
-            effect = text.effect or unit.effect
-            default = text.usual or default_in_words(text.default)
-            yield GrammarRow(
+            yield _of_unit(
                 f"controller.{word}",
                 law,
                 entry,
-                unit.unit,
-                bounds,
+                text.unit,
                 WHOLE,
-                False,
-                unit.meaning,
-                effect,
-                default,
+                text.usual or default_in_words(text.default),
+            )._replace(
+                bounds=text.allowed.replace("`", "") or _bounds(text.unit),
+                effect=text.effect or text.unit.effect,
             )
             for each in _records_in(annotation):
                 yield from _of_record(each, f"controller.{word}", WHEN["always"], law)
@@ -557,97 +451,29 @@ def _of_reference() -> Iterator[GrammarRow]:
     """Keys of [reference], except those of motions and signals that read their whole
     table themselves.
     """
-    always = f"{WHOLE}; its numbers {WHEN['always']}"
-    yield GrammarRow(
-        "reference.base",
-        "",
-        "table, or a list of them: a motion",
-        varies=always,
-        whole=True,
-    )
+    yield from _by_hand(word_texts.PARTS, "base", "reference")
     yield GrammarRow("reference.base.kind", "", _one_of(names("motion")))
     for named in names("motion"):
-        yield from _by_hand(word_texts.MOTIONS, named, "reference.base")
+        yield from _by_hand(word_texts.MOTIONS, named, "reference.base", named)
         make = find("motion", named)
         if not takes_table(make) and "setting" not in declared_units(make):
             for name, (annotation, unit) in declared_units(make).items():
                 if name != "return":
-                    entry = entry_in_words(annotation)
-                    yield GrammarRow(
+                    yield _of_unit(
                         f"reference.base.{name}",
                         named,
-                        entry,
-                        unit.unit,
-                        _bounds(unit),
+                        entry_in_words(annotation),
+                        unit,
                         WHEN["always"],
                     )
-    yield GrammarRow(
-        "reference.yaw",
-        "",
-        SIGNAL,
-        "rad",
-        varies=always,
-        whole=True,
-        meaning="desired heading about world z",
-    )
-    yield GrammarRow(
-        "reference.joints[]",
-        "",
-        SIGNAL,
-        "rad or m",
-        varies=always,
-        whole=True,
-        meaning="one for each joint",
-    )
-    yield GrammarRow(
-        "reference.tip",
-        "",
-        "table",
-        meaning="motion of the tip, from which base and joints follow",
-    )
-    yield GrammarRow(
-        "reference.push", "", "table", meaning="force of the tip on a surface"
-    )
-    yield GrammarRow(
-        "reference.object",
-        "",
-        "table",
-        meaning="motion of an object that a team carries",
-    )
-    yield GrammarRow(
-        "reference.load", "", SIGNAL, meaning="above 0.5 while the tip holds a load"
-    )
-    yield from (GrammarRow(f"reference.{row.path}", *row[1:]) for row in PLAN)
+    yield from _by_hand(word_texts.PARTS, "reference", "reference")
     yield from _of_record(PlannedBody, "reference.planned", WHEN["never"], "")
-
-
-PLAN = (
-    GrammarRow(
-        "kind",
-        "",
-        "'plan'",
-        meaning="motion of a plan's file, in place of base, yaw, joints and tip",
-    ),
-    GrammarRow("file", "", "text", meaning="file of skyarm plan; only with kind plan"),
-    GrammarRow(
-        "start",
-        "",
-        "number",
-        "s",
-        "at least 0",
-        meaning="when the plan begins",
-        default="0",
-    ),
-)
-"""Keys of [reference] that the reader replaces by the signals of a plan."""
 
 
 def _of_start() -> Iterator[GrammarRow]:
     """Keys of [initial]."""
     yield from _of_record(State, "initial", WHEN["between"], "")
-    yield GrammarRow(
-        "initial.standing", "", "true or false", meaning="at rest on what is below"
-    )
+    yield from _by_hand(word_texts.PARTS, "initial", "initial")
 
 
 SPECIAL: Mapping[str, Callable[[], Iterator[GrammarRow]]] = {
@@ -660,10 +486,6 @@ SPECIAL: Mapping[str, Callable[[], Iterator[GrammarRow]]] = {
 }
 """Tables whose keys differ from the fields of their record, each with the function that
 lists them."""
-
-
-def _is_list(slot: Slot) -> bool:
-    return slot.path == slot.table and typing.get_origin(slot.type) is tuple
 
 
 def _records_in(annotation: object) -> tuple[type, ...]:

@@ -31,6 +31,7 @@ from skyarm.scenario.document import PartDocument
 from skyarm.scenario.numbers import (
     declared_at,
     is_added,
+    is_same_load,
     means_the_same,
     number_at,
     require_apart,
@@ -549,12 +550,8 @@ def _require_one_load(scenario: Scenario, path: str, changed: Sequence[str]) -> 
     """Raise an error if two paths set the payload mass at one frame, because payload
     masses add up.
     """
-    for other in changed if is_added(scenario, path) else ():
-        if (
-            other != path
-            and is_added(scenario, other)
-            and means_the_same(scenario, path, other)
-        ):
+    for other in changed:
+        if other != path and is_same_load(scenario, path, other):
             raise ScenarioError(
                 f"path = {path!r}: is the same load as {other!r}, must be changed by"
                 " that name"

@@ -125,6 +125,15 @@ def is_added(scenario: Scenario, path: str) -> bool:
     return view is not None and view.adds
 
 
+def is_same_load(scenario: Scenario, path: str, other: str) -> bool:
+    """True if two parameter paths denote the payload mass at one frame."""
+    return (
+        is_added(scenario, path)
+        and is_added(scenario, other)
+        and means_the_same(scenario, path, other)
+    )
+
+
 def is_computed(scenario: Scenario, path: str) -> bool:
     """True if the value at a path is computed from fields, or belongs to the reference
     or the initial state.

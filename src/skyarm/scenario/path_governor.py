@@ -163,15 +163,6 @@ def _reasons_against(scenario: Scenario, events: Sequence[TaskEvent]) -> Iterato
         yield "of a reference whose phases wait (until)"
 
 
-def _switches(scenario: Scenario) -> list[float]:
-    """Times within the flight at which the reference may be discontinuous, s."""
-    return [
-        t
-        for t in scenario.agent.reference.switch_times()
-        if 0.0 < t < scenario.duration
-    ]
-
-
 def plan_of(scenario: Scenario, options: GovernorOptions) -> PathPlan:
     """Plan the time law along a scenario's reference with the nominal model of its
     control law.
@@ -203,8 +194,9 @@ def _corners(trajectory: Trajectory, scenario: Scenario) -> list[float]:
         *corners,
         *(
             t
-            for t in _switches(scenario)
-            if _is_corner(trajectory.at(t - JUMP), trajectory.at(t))
+            for t in trajectory.switch_times()
+            if 0.0 < t < scenario.duration
+            and _is_corner(trajectory.at(t - JUMP), trajectory.at(t))
         ),
     ]
 

@@ -208,17 +208,13 @@ def controller(entry: object, path: str, reading: ScenarioWords) -> Controller:
     """Read [controller]: a control law for the model, with its safety and actuator
     layers.
     """
-    return _controller(Fields(entry, path), reading, reading.law)
+    return own_controller(Fields(entry, path), reading, reading.law)
 
 
-def own_controller(fields: Fields, reading: ScenarioWords) -> Controller:
-    """Read [controller] as it stands, whichever law is flown in place of it."""
-    return _controller(fields, reading, None)
-
-
-def _controller(
-    fields: Fields, reading: ScenarioWords, replaced: str | None
+def own_controller(
+    fields: Fields, reading: ScenarioWords, replaced: str | None = None
 ) -> Controller:
+    """Read [controller] as it stands, or with another law or file of gains."""
     believed = reading.word("model")
     facts = loop_facts(
         reading.word("rates"), reading.word("delays"), reading.word("estimator")
@@ -300,17 +296,13 @@ def payloads(
     entry: object, path: str, reading: ScenarioWords
 ) -> tuple[TimedPayload, ...]:
     """Read [[payloads]], with pick and drop times from the phases of a task."""
-    events = [event for event in _events(reading) if not event.gripper]
+    # the phases of a task are its events, so that the reference is read first
+    reading.word("reference")
+    events = [event for event in reading.setting.events if not event.gripper]
     tables = (
         with_instants(entry, events, reading.word("rates").control) if events else entry
     )
     return registered_values("payload", TimedPayload, tables, path, "rigid")
-
-
-def _events(reading: ScenarioWords) -> Sequence[TaskEvent]:
-    """Pick and place events of the task that the reference describes."""
-    reading.word("reference")
-    return reading.setting.events
 
 
 def with_files(table: Entry, where: str, folder: Path) -> Entry:

@@ -140,14 +140,14 @@ def tables_of(
     laws = {
         name: controller or each.controller.name for name, each in target.agents.items()
     }
-    if controller is not None:
-        return _tables_from(target, _under_laws(stated, laws, folder), folder)
-    begun = scenario_from(stated, folder)
-    others = {
-        name: law
-        for name, law in laws.items()
-        if law != begun.of(name).agent.controller.name
-    }
+    others = laws
+    if controller is None:
+        begun = scenario_from(stated, folder)
+        others = {
+            name: law
+            for name, law in laws.items()
+            if law != begun.of(name).agent.controller.name
+        }
     if others:
         return _tables_from(target, _under_laws(stated, others, folder), folder)
     try:
@@ -187,7 +187,9 @@ def _tables_from(target: Scenario, stated: Tables, folder: PathLike) -> Tables:
         ScenarioError: one line: they are read as another one.
     """
     begun = scenario_from(stated, folder)
-    tables = _with_changes(_with_entries(begun, target, stated), target)
+    tables = _with_entries(begun, target, stated)
+    if target.changes:
+        tables = tables | {"changes": entry_of(target.changes)}
     read = scenario_from(tables, folder)
     rate = target.rates.control
     # only the order within one period is a part of the flight
@@ -276,15 +278,14 @@ def law_entry(name: str) -> Tables:
 
 
 def _under_laws(tables: Tables, laws: Mapping[str, str], folder: PathLike) -> Tables:
-    """Tables of a scenario file with other control laws in the same layers, and without
-    scheduled changes.
+    """Tables of a scenario file with other control laws in the same layers.
 
     Args:
         tables: tables of a scenario file.
         laws: name of the law of each vehicle that gets another.
         folder: folder where paths in the tables begin.
     """
-    document = {word: each for word, each in tables.items() if word != "changes"}
+    document = tables
     for agent, name in laws.items():
         if is_gains_file(name):
             entry = {
@@ -406,12 +407,6 @@ def _without_instants(entry: list[Tables], stated: list[Tables]) -> list[Tables]
         }
         for i, each in enumerate(entry)
     ]
-
-
-def _with_changes(tables: Tables, scenario: Scenario) -> Tables:
-    """Scenario-file tables with the scheduled changes of a scenario."""
-    bare = {name: each for name, each in tables.items() if name != "changes"}
-    return bare | ({"changes": entry_of(scenario.changes)} if scenario.changes else {})
 
 
 WITHOUT_ENTRY = ("plant", "model", "controller", "reference", "world", "team")

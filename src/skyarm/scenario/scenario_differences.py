@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import get_origin
 
 from skyarm.log.log_differences import more_lines
 from skyarm.records.files import shown
 from skyarm.records.path_names import AGENTS, OF_AGENT, word_of
 from skyarm.records.plain import Plain
-from skyarm.records.words import EACH, Slot, slots
+from skyarm.records.words import EACH, slots
 from skyarm.scenario.paths import matches
 from skyarm.scenario.scenario_record import Scenario
 
@@ -73,14 +72,9 @@ def _has_choice(names: FieldPath) -> bool:
     names = ("agent", *names[2:]) if names[:1] == (AGENTS,) else names
     return any(
         slot.word.kind
-        and matches(names, (*slot.place, EACH) if _is_list(slot) else slot.place)
+        and matches(names, (*slot.place, EACH) if slot.is_list else slot.place)
         for slot in slots(Scenario)
     )
-
-
-def _is_list(slot: Slot) -> bool:
-    """True if a scenario-file key holds a list of records, and not a single record."""
-    return EACH not in slot.place and get_origin(slot.type) is tuple
 
 
 def _path(names: FieldPath) -> str:

@@ -10,6 +10,7 @@ import math
 import numbers
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
+from operator import attrgetter
 from typing import TYPE_CHECKING, Annotated, Any, TypedDict, TypeVar, Unpack, cast
 
 from skyarm.algebra import ZERO3_DATA, Quaternion, Scalar, Scalars, Vec3
@@ -147,6 +148,13 @@ class Rates:
     def period(self) -> float:
         """Period of the control law, s."""
         return 1.0 / self.control
+
+    def periods_between(self, frequency: float) -> int:
+        """Control periods from one sample at a frequency (Hz) to the next; 1 at 0,
+        which means each period.
+        """
+        # a quotient of frequencies that divide each other may be inexact
+        return round(self.control / frequency) if frequency else 1
 
     def __post_init__(self) -> None:
         accept_fields(self, "rates", ScenarioError)
@@ -474,6 +482,14 @@ CLOSURES = ("spring", "weld")
 CONTACTS = ("points", "geoms")
 """Contact models of a plant: that of this library, and MuJoCo's own."""
 
+SETTINGS: Mapping[str, tuple[str, ...]] = {
+    "integrator": INTEGRATORS,
+    "closure": CLOSURES,
+    "contact": CONTACTS,
+}
+"""Settings of the simulation besides its kind, whose names the registry has, and the
+words that each may be."""
+
 
 @immutable
 class Solver:
@@ -497,22 +513,16 @@ class Solver:
     )
 
     def __post_init__(self) -> None:
-        for field, value, allowed in (
-            ("kind", self.kind, registrations("plant")),
-            ("integrator", self.integrator, dict.fromkeys(INTEGRATORS)),
-            ("closure", self.closure, dict.fromkeys(CLOSURES)),
-            ("contact", self.contact, dict.fromkeys(CONTACTS)),
-        ):
+        for field, allowed in {"kind": registrations("plant"), **SETTINGS}.items():
+            value = getattr(self, field)
             if not isinstance(value, str) or value not in allowed:
                 raise ScenarioError(
                     f"plant.{field} = {shown(value)}: {must_be_one_of(allowed, value)}"
                 )
         if self.kind == "mujoco" and self.integrator != "euler":
             return
-        for field, value, usual in (
-            ("closure", self.closure, CLOSURES[0]),
-            ("contact", self.contact, CONTACTS[0]),
-        ):
+        for field in ("closure", "contact"):
+            value, usual = getattr(self, field), SETTINGS[field][0]
             if value != usual:
                 raise ScenarioError(
                     f"plant.{field} = {value!r}: must be {usual!r} unless kind is"
@@ -873,145 +883,70 @@ class ShortNames:
     __slots__ = ()
 
     if TYPE_CHECKING:
+        # made below, one for each field of a group; types are for checkers
+        plant: Truth
+        """Vehicle and gravity that are simulated, as opposed to the control law's model
+        of them.
+        """
+        controller: Controller
+        """Control law with its model of the vehicle."""
+        reference: Trajectory
+        """Reference trajectory: desired motion of the vehicle over time."""
+        tracking_start: Scalar
+        """Time (s) at which the control law begins to track the reference."""
+        path_time: PathTime | None
+        """Time scaling of the reference; None without one."""
+        noise: SensorNoise
+        """Noise of the full-state measurement."""
+        sensors: tuple[NamedSensor, ...]
+        """Sensors in addition to the full-state sensor."""
+        estimator: Estimator
+        """Estimator of the measurement that the law receives."""
+        drives: tuple[JointDrive, ...]
+        """Joint drives that the scenario assigns, in place of the vehicle's drives for
+        the same joints.
+        """
+        delays: Delays
+        """Delays of measurements and commands in the control loop."""
+        initial: State | None
+        """Stated initial state of the vehicle; None for hover trim."""
+        faults: tuple[Fault, ...]
+        """Faults of single actuators."""
+        payloads: tuple[TimedPayload, ...]
+        """Payloads that are picked up and set down in flight."""
+        kind: str
+        """Kind of simulator, such as "rigid_body" or "mujoco"."""
+        integrator: str
+        """Integrator of the equations of motion: "rk4", "euler" or "rk4_staged"."""
+        closure: str
+        """Closure of grasps: forces of a "spring", or constraints of MuJoCo, a
+        "weld".
+        """
+        contact: str
+        """Contact forces: skyarm's at its "points", or MuJoCo's between its "geoms"."""
+        wind: AnyComponent
+        """Wind model of the scenario."""
+        air: tuple[AnyComponent, ...]
+        """Models of air motion in addition to the wind."""
+        forces: tuple[AnyComponent, ...]
+        """Force models in addition to wind and contact."""
+        ground: bool
+        """True if the episode ends when the vehicle reaches the ground at z = 0; planes
+        of the world take its place.
+        """
+        world: Contact | None
+        """Contact model: surfaces and the vehicle's points that touch them; None for
+        free flight.
+        """
 
         @property
         def agent(self) -> Agent:
             """Only vehicle of the scenario."""
             ...
 
-        @property
-        def environment(self) -> Environment:
-            """Surroundings."""
-            ...
-
-        @property
-        def solver(self) -> Solver:
-            """Simulation of the plant."""
-            ...
-
         def with_agent(self, agent: Agent) -> Scenario:
             """Copy of the scenario with another only vehicle."""
             ...
-
-    @property
-    def plant(self) -> Truth:
-        """Vehicle and gravity that are simulated, as opposed to the control law's model
-        of them.
-        """
-        return self.agent.plant
-
-    @property
-    def controller(self) -> Controller:
-        """Control law with its model of the vehicle."""
-        return self.agent.controller
-
-    @property
-    def reference(self) -> Trajectory:
-        """Reference trajectory: desired motion of the vehicle over time."""
-        return self.agent.reference
-
-    @property
-    def tracking_start(self) -> Scalar:
-        """Time (s) at which the control law begins to track the reference."""
-        return self.agent.tracking_start
-
-    @property
-    def path_time(self) -> PathTime | None:
-        """Time scaling of the reference; None without one."""
-        return self.agent.path_time
-
-    @property
-    def noise(self) -> SensorNoise:
-        """Noise of the full-state measurement."""
-        return self.agent.noise
-
-    @property
-    def sensors(self) -> tuple[NamedSensor, ...]:
-        """Sensors in addition to the full-state sensor."""
-        return self.agent.sensors
-
-    @property
-    def estimator(self) -> Estimator:
-        """Estimator of the measurement that the law receives."""
-        return self.agent.estimator
-
-    @property
-    def drives(self) -> tuple[JointDrive, ...]:
-        """Joint drives that the scenario assigns, in place of the vehicle's drives for
-        the same joints.
-        """
-        return self.agent.drives
-
-    @property
-    def delays(self) -> Delays:
-        """Delays of measurements and commands in the control loop."""
-        return self.agent.delays
-
-    @property
-    def initial(self) -> State | None:
-        """Stated initial state of the vehicle; None for hover trim."""
-        return self.agent.initial
-
-    @property
-    def faults(self) -> tuple[Fault, ...]:
-        """Faults of single actuators."""
-        return self.agent.faults
-
-    @property
-    def payloads(self) -> tuple[TimedPayload, ...]:
-        """Payloads that are picked up and set down in flight."""
-        return self.agent.payloads
-
-    @property
-    def kind(self) -> str:
-        """Kind of simulator, such as "rigid_body" or "mujoco"."""
-        return self.solver.kind
-
-    @property
-    def integrator(self) -> str:
-        """Integrator of the equations of motion: "rk4", "euler" or "rk4_staged"."""
-        return self.solver.integrator
-
-    @property
-    def closure(self) -> str:
-        """Closure of grasps: forces of a "spring", or constraints of MuJoCo, a
-        "weld".
-        """
-        return self.solver.closure
-
-    @property
-    def contact(self) -> str:
-        """Contact forces: skyarm's at its "points", or MuJoCo's between its "geoms"."""
-        return self.solver.contact
-
-    @property
-    def wind(self) -> AnyComponent:
-        """Wind model of the scenario."""
-        return self.environment.wind
-
-    @property
-    def air(self) -> tuple[AnyComponent, ...]:
-        """Models of air motion in addition to the wind."""
-        return self.environment.air
-
-    @property
-    def forces(self) -> tuple[AnyComponent, ...]:
-        """Force models in addition to wind and contact."""
-        return self.environment.forces
-
-    @property
-    def ground(self) -> bool:
-        """True if the episode ends when the vehicle reaches the ground at z = 0; planes
-        of the world take its place.
-        """
-        return self.environment.has_ground
-
-    @property
-    def world(self) -> Contact | None:
-        """Contact model: surfaces and the vehicle's points that touch them; None for
-        free flight.
-        """
-        return self.environment.world
 
     def with_controller(self, controller: Controller) -> Scenario:
         """Scenario with another control law; scheduled changes of the law stay
@@ -1322,6 +1257,20 @@ class Scenario(ShortNames):
             return (GeomContact(**parts(self.world)),)
         own = self.closure == "spring"
         return (self.world if own else ClosedContact(**parts(self.world)),)
+
+
+def _add_short_names() -> None:
+    """Give :class:`ShortNames` a property for each field of a scenario's groups."""
+    # with its planes and heightfields a world takes the place of the ground
+    others = {"ground": "environment.has_ground"}
+    for group, kind in groups(Scenario).items():
+        for name in field_names(kind) or ():
+            place = others.get(name, f"{group}.{name}")
+            field = property(attrgetter(place), doc=f"Short name of ``{place}``.")
+            setattr(ShortNames, name, field)
+
+
+_add_short_names()
 
 
 class FieldsByWord(TypedDict, total=False):

@@ -179,7 +179,7 @@ def _begin(scenario: Scenario, component: Component[Tree], noise: float = 0.0) -
     # more are refused before the flight
     draws = [0.5] * 2 * min(component.uniforms, MOST_UNIFORMS)
     memory = component.start(scenario.rates.period, draws)
-    return rebuild(memory, iter([noise] * len(leaves(memory)))) if draws else memory
+    return rebuild(memory, [noise] * len(leaves(memory))) if draws else memory
 
 
 def _effect(

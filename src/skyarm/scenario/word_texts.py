@@ -72,19 +72,24 @@ class HandWord(NamedTuple):
     """Key that a function reads from a table which no record declares.
 
     Attributes:
-        kind: kind of the signal or motion, or table of a vehicle file. name: key.
-        entry: type in words. unit: SI. default: in words; empty for a required key.
-            meaning: in words.
-        allowed: allowed values in words.
+        kind: kind of the signal or motion, or table of a vehicle file, or part of a
+            scenario file. name: key.
+        entry: type in words. meaning: in words; empty where ``PATHS`` has it. unit: SI.
+            default: in words; empty for a required key.
+        allowed: allowed values in words. bounds: bounds of a number in words.
+        varies: when it may change, a key of ``skyarm.scenario.grammar.WHEN``; empty for
+            always of numbers and never of others.
     """
 
     kind: str
     name: str
     entry: str
-    meaning: str
+    meaning: str = ""
     unit: str = ""
     default: str = ""
     allowed: str = ""
+    bounds: str = ""
+    varies: str = ""
 
 
 def _by_hand(table: str) -> tuple[HandWord, ...]:
@@ -97,6 +102,10 @@ def _by_hand(table: str) -> tuple[HandWord, ...]:
 
 SIGNALS, MOTIONS = _by_hand("signals"), _by_hand("motions")
 """Keys of the signals, and of the motions but for tasks, that are read by hand."""
+
+PARTS = _by_hand("parts")
+"""Keys of a scenario file that readers take beside those of records, by part of the
+file or class of the record."""
 
 TASKS = _by_hand("tasks")
 """Keys of motions, of studies, suites and other tables that functions read, by kind."""

@@ -270,10 +270,10 @@ def _tables(piece: AgentPiece) -> dict[str, Array]:
     )
     sampled, free, path_time, late = _references(inputs, flown, start, stop)
     tables = {
-        "position_held": table(sampled.position, late),
-        "velocity_held": table(sampled.velocity, late),
-        "joints_held": table(sampled.joints, late),
-        "joint_rates_held": table(sampled.joint_rates, late),
+        f"{name}_held": table(getattr(sampled, name), late)
+        for name in ("position", "velocity", "joints", "joint_rates")
+    }
+    tables |= {
         "yaw_held": table((sampled.yaw,), late)[:, 0],
         "position_reference": table(free.position),
         "joints_reference": table(free.joints),
@@ -351,11 +351,6 @@ def sensor_data(piece: AgentPiece) -> tuple[dict[str, Array], dict[str, Any]]:
         described[COMPONENTS] = Source(declared).plain
     for name, reading in flown.readings:
         i, sensor = sensors[name]
-        # rounded, because a quotient of frequencies that divide each other may be
-        # inexact
-        every = (
-            round(scenario.rates.control / sensor.frequency) if sensor.frequency else 1
-        )
         frame = (
             None
             if sensor.feels is None
@@ -369,7 +364,7 @@ def sensor_data(piece: AgentPiece) -> tuple[dict[str, Array], dict[str, Any]]:
         keep(
             f"{READINGS}.{name}",
             reading,
-            every=every,
+            every=scenario.rates.periods_between(sensor.frequency),
             late=late,
             frame=frame,
             mount=mount,

@@ -269,7 +269,7 @@ class Batch:
             last = (leg, carry)
             log = [*log, *logged]
             # floats of 64 bits: sums of 32 bits are divided and compared below
-            ends.append(rebuild(leg.first, iter(list(carry.astype(float)))))
+            ends.append(rebuild(leg.first, carry.astype(float)))
         return ends, log
 
     def _statuses(
@@ -287,7 +287,7 @@ class Batch:
             )
             if here.any():
                 left = rebuild(
-                    now, iter([np.asarray(number)[here] for number in leaves(now)])
+                    now, [np.asarray(number)[here] for number in leaves(now)]
                 )
                 mine = [column[here] for column in columns]
                 statuses[here] = leg.statuses(mine, left, ticks[here], ended[here])

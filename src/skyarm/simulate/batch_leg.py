@@ -23,7 +23,6 @@ from skyarm.log.metrics.accumulate import Total, Totals, advance_totals, first_t
 from skyarm.log.metrics.metric import ActuatorLimits, MetricGoal, MetricInstant
 from skyarm.log.sensor_data import ESTIMATE, READINGS
 from skyarm.records.arrays import AnyArray as Array
-from skyarm.records.arrays import doubles
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.path_names import agent_of, word_of
@@ -86,20 +85,14 @@ class Feed:
             AgentFeed(scenario.of(name), _paths_of(paths, name))
             for name in scenario.agents
         )
-        flags = [doubles(masks[name])[:, None] for name in self._flags]
-        self.example = PeriodRow(
-            ticks=0.0,
+        fed = PeriodRow(
+            ticks=np.arange(scenario.steps),
             given=tuple(each.row for each in self._each),
-            flags=(0.0,) * len(flags),
-            goals=tuple(tuple(map(structure_of, each.goals)) for each in self._each),
+            flags=tuple(masks[name] for name in self._flags),
+            goals=tuple(each.goals for each in self._each),
         )
-        goals = [
-            table_of(goal, scenario.steps) for each in self._each for goal in each.goals
-        ]
-        ticks = np.arange(scenario.steps)[:, None]
-        self.rows = np.hstack(
-            [ticks, *(each.table for each in self._each), *flags, *goals]
-        )
+        self.example = structure_of(fed)
+        self.rows = table_of(fed, scenario.steps)
 
     def read(
         self, varied: Scenario, fed: PeriodRow
@@ -134,28 +127,26 @@ class AgentFeed:
         scenario: scenario of its flight. paths: its varied numbers.
 
     Attributes:
-        row: inputs of the loop in one period, as an example. table: those of all,
-            (steps, numbers).
+        row: inputs of the loop in all periods, as a record of arrays.
         goals: desired positions as arrays.
     """
 
     def __init__(self, scenario: Scenario, paths: Sequence[str]) -> None:
         self._scenario = scenario
         inputs = episode_inputs(scenario)
-        self.row: GivenRow = InputRow(time=0.0, reference=())
-        self.table = inputs.times[:, None]
-        self.goals = list[MetricGoal]()
+        self.row: GivenRow = InputRow(time=inputs.times, reference=())
+        self.goals: Goals = ()
         # a reference that waits, or that differs between flights, is computed within
         # each flight; any other one is a table of all of them
         if not (
             scenario.agent.reference.guards
             or any(path.startswith("reference.") for path in paths)
         ):
-            self.row, self.table = inputs.row_example, inputs.rows
-            self.goals = [
+            self.row = inputs.fed
+            self.goals = tuple(
                 self._goal_table(record)
                 for record in (inputs.held_reference, inputs.reference)
-            ]
+            )
 
     def _goal_table(self, reference: Reference) -> MetricGoal:
         """Desired positions of base, joints and tip at every control instant, from a
@@ -543,8 +534,8 @@ class Leg:
             totals = np.array(leaves(self.first[1]))[:, None]
             return np.vstack([fresh, np.repeat(totals, len(episodes), axis=1)])
         leg, carry = last
-        loop, totals_now = rebuild(leg.first, iter(list(carry)))
-        begun = rebuild(self.first[0], iter(list(fresh)))
+        loop, totals_now = rebuild(leg.first, carry)
+        begun = rebuild(self.first[0], fresh)
         anew = other_references(self.scenario, self._overrides, leg._overrides)
         clocks = clocks_of_change(self.scenario, begun, loop, anew=anew)
         now = carry_over(
@@ -553,8 +544,7 @@ class Leg:
             (component_places(self.scenario), component_places(leg.scenario)),
             clocks,
         )
-        rows = [*leaves(now), *leaves(totals_now)]
-        return np.stack([np.broadcast_to(row, (len(episodes),)) for row in rows])
+        return table_of((now, totals_now), len(episodes)).T
 
     def fly(
         self, carry: Array, parameters: Array, seed: int, episodes: Array, threads: int

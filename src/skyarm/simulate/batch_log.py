@@ -109,7 +109,7 @@ def _by_episode(example: Logged, rows: Array) -> Logged:
     """
     # episodes first, as users index; in one block, as each column becomes an array
     columns = np.ascontiguousarray(rows.transpose(1, 2, 0))
-    whole = rebuild(example, iter(columns[: len(leaves(example))]))
+    whole = rebuild(example, columns)
     alive = np.asarray(whole.alive) > 0.5
     # a lane that ended keeps its last state, which would look like a flight
     columns[:, ~alive] = np.nan

@@ -101,7 +101,7 @@ def find_ending(
     """First termination condition that a state meets, as status, cause and time; None
     if it meets none.
     """
-    state = rebuild(example_state(*scenario.agent.vehicle.sizes), iter(x))
+    state = rebuild(example_state(*scenario.agent.vehicle.sizes), x)
     for ending in endings_of(scenario):
         # in the order of the loop: the first ending that is met names the flight's end
         if not _is_fine(ending, scenario, state, Vec3(*goal), images):

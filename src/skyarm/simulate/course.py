@@ -71,7 +71,7 @@ class Course:
             for i, each in enumerate(every)
             if each not in derived or i < by_hand.get(each.tick(rate), 0)
         )
-        if changes == in_order(self.begun.changes, self.begun.rates.control):
+        if changes == in_order(self.begun.changes, rate):
             return self.begun
         return replace(self.begun, changes=changes)
 

@@ -30,7 +30,7 @@ from skyarm.control.law_estimates import PushAlone
 from skyarm.dynamics import State
 from skyarm.plant.interface import make_plant
 from skyarm.plant.largest_step import STATED
-from skyarm.records.arrays import Array, doubles
+from skyarm.records.arrays import Array, doubles, field_views
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree, leaves, rebuild
 from skyarm.records.path_names import word_of
@@ -193,14 +193,18 @@ class EpisodeCode(LoopProgram):
         store_program(name, program)
         return program
 
-    def _trace(self, cut: Cut) -> Loop:
+    @cached_property
+    def row(self) -> PeriodRow:
+        """Inputs of a control period, as an example."""
         waiting = [own.queue[0] for own in self.first.agents] if self.commands else []
-        row = PeriodRow(
-            given=self.inputs.row_examples,
+        return PeriodRow(
+            given=tuple(each.row_example for each in self.inputs.each),
             modes=(0.0,) * len(waiting),
             commands=tuple(map(structure_of, waiting)),
         )
-        return self.trace(cut, self.carry, row)
+
+    def _trace(self, cut: Cut) -> Loop:
+        return self.trace(cut, self.carry, self.row)
 
     def stages(self, numbers: Any, row: PeriodRow = NO_INPUTS) -> Stages:
         """Computation stages of a control period; in Python a law that cannot be traced
@@ -208,10 +212,7 @@ class EpisodeCode(LoopProgram):
         """
         if not self.calls:
             return super().stages(numbers, row)
-        examples = [own.queue[0] for own in self.first.agents]
-        return StagesInPython(
-            self.vary(numbers), self.calls, examples, row.commands, row.modes
-        )
+        return StagesInPython(self.vary(numbers), self.calls, row.commands, row.modes)
 
     def plant_steps(self, stages: Stages) -> PlantSteps[State]:
         """Plant model within a control period; one that cannot be traced is called."""
@@ -347,25 +348,32 @@ class EngineState:
     """State of an engine between two control periods.
 
     Attributes:
-        scenario, inputs, rows: scenario that is flown, its inputs and their table.
-        begun, tick, ended, from_outside: as of :class:`Engine`.
+        kept: attributes of :class:`Engine` by name, those of ``KEPT``.
         carry, parameters: loop state and parameters of the program. table: log so far.
         memories: internal states of laws that are called.
         pictures: those taken (:class:`skyarm.simulate.pictures.ArrivingPictures`).
     """
 
-    scenario: Scenario
-    inputs: FlightInputs
-    rows: Array
-    begun: int
-    tick: int
-    ended: Ended | None
-    from_outside: float
+    kept: Mapping[str, Any]
     carry: Array
     parameters: Array
     table: Array
     memories: list[Any]
     pictures: dict[str, Array]
+
+
+KEPT = (
+    "scenario",
+    "_inputs",
+    "_rows",
+    "_modes",
+    "_outside",
+    "begun",
+    "tick",
+    "ended",
+    "from_outside",
+)
+"""Attributes of an engine that a snapshot keeps as they are."""
 
 
 class Engine:
@@ -404,9 +412,7 @@ class Engine:
         # one array for good: a copy in each stretch would be garbage
         self._before = self._stepper.carry.copy()
         self._first = 0  # period of the inputs' first row
-        # of a row but for the commands
-        length, self._width = self.inputs.rows.shape
-        self.recorder = FlightRecorder(code.sample, length)
+        self.recorder = FlightRecorder(code.sample, len(self.inputs.rows))
         self._read_inputs()
         self.tick = self.begun = 0
         self.ended: Ended | None = None
@@ -434,17 +440,18 @@ class Engine:
         commands from the user.
         """
         self._rows = self.inputs.rows
+        row = self.code.row
         if self.code.commands:
-            # a mode for each vehicle, then the numbers of each command
-            room = len(self._command_sizes) + sum(self._command_sizes)
-            nothing = np.zeros((len(self._rows), room))
+            nothing = np.zeros(
+                (len(self._rows), len(leaves((row.modes, row.commands))))
+            )
             self._rows = np.hstack([self._rows, nothing])
+        columns, _ = field_views(row, self._rows.T)
+        # (vehicles, periods), and of each vehicle (numbers, periods)
+        self._modes = columns["modes"]
+        own, _ = field_views(row.commands, columns["commands"])
+        self._outside = [*own.values()]
         self._stepper.read_tables(self._rows, self.recorder.table)
-
-    @cached_property
-    def _command_sizes(self) -> list[int]:
-        """Count of numbers in a command of each vehicle."""
-        return [len(leaves(own.queue[0])) for own in self.first.agents]
 
     @property
     def inputs(self) -> FlightInputs:
@@ -488,21 +495,16 @@ class Engine:
             return False
         if commands:
             mode = 2.0 if rotors_only else 1.0
-            modes = len(commands)
-            self._rows[k, self._width :][:modes] = [
-                mode if each else 0.0 for each in commands
-            ]
-            at = self._width + modes
-            for each, size in zip(commands, self._command_sizes, strict=True):
+            self._modes[:, k] = [mode if each else 0.0 for each in commands]
+            for each, numbers in zip(commands, self._outside, strict=True):
                 if each:
-                    self._rows[k, at : at + len(each)] = each
-                at += size
+                    numbers[:, k] = each
             # restore leaves it: rows behind may still hold modes, which have to be
             # zeroed
             self.commanded = True
             self.from_outside = min(self.from_outside, k)
         elif self.commanded:
-            self._rows[k, self._width :][: len(self.first.agents)] = 0.0
+            self._modes[:, k] = 0.0
         return self._fly(k + 1)
 
     def fly(self, stop: int) -> bool:
@@ -523,7 +525,7 @@ class Engine:
         begun = perf_counter()
         before = self.tick
         if self.commanded:
-            self._rows[before:stop, self._width :][:, : len(self.first.agents)] = 0.0
+            self._modes[:, before:stop] = 0.0
         going = self._fly(stop)
         size = self.tick - before
         # at least 1 us: a clock may not have moved, and is divided by
@@ -583,9 +585,7 @@ class Engine:
         named, command = getattr(self._stepper, "command", ("", ()))
         commands = {named: command}
         if not command:
-            sample = rebuild(
-                self.code.sample, iter(self.recorder.row(self.tick).tolist())
-            )
+            sample = rebuild(self.code.sample, self.recorder.row(self.tick).tolist())
             commands = {
                 name: leaves(own.command)
                 for name, own in zip(scenario.agents, sample.agents, strict=True)
@@ -622,7 +622,7 @@ class Engine:
     @property
     def now(self) -> LoopState:
         """State of plant, law, sensors and estimator before the next control period."""
-        state = rebuild(self.code.carry, iter(self._stepper.carry.tolist()))
+        state = rebuild(self.code.carry, self._stepper.carry.tolist())
         if not self.code.calls:
             return state
         laws = zip(self._laws, self.code.calls, state.agents, strict=True)
@@ -656,8 +656,8 @@ class Engine:
         rows = self.inputs.rows_at(ticks[0], now)
         # the memory of another law may hold anything
         if all(law.compiled for law in self._laws):
-            now = rebuild(now, iter(np.array(leaves(now), dtype=float)))
-            rows = rebuild(rows, iter(np.array(leaves(rows), dtype=float)))
+            now = rebuild(now, np.array(leaves(now), dtype=float))
+            rows = rebuild(rows, np.array(leaves(rows), dtype=float))
         draws = [
             uniforms(scenario.seed, scenario.episode, each, ticks, count)[0]
             for each, count in program.draws
@@ -669,7 +669,7 @@ class Engine:
 
     def state(self) -> State:
         """Current true state of the only vehicle."""
-        return rebuild(self.first.agent.state, iter(self._stepper.carry[2:].tolist()))
+        return rebuild(self.first.agent.state, self._stepper.carry[2:].tolist())
 
     def reference(self) -> Reference:
         """Reference sample of the only vehicle that is held in the next control
@@ -694,18 +694,12 @@ class Engine:
         stepper.parameters[:] = self._stepper.parameters
         stepper.read_tables(self._rows[self.tick : self.tick + 1], output)
         stepper.fly(0, 1, start=self.tick)
-        return rebuild(example, iter(output[0].tolist()))
+        return rebuild(example, output[0].tolist())
 
     def snapshot(self) -> EngineState:
         """Copy of the simulator's state, from which :meth:`restore` continues."""
         return EngineState(
-            scenario=self.scenario,
-            inputs=self._inputs,
-            rows=self._rows,
-            begun=self.begun,
-            tick=self.tick,
-            ended=self.ended,
-            from_outside=self.from_outside,
+            kept={name: getattr(self, name) for name in KEPT},
             carry=self._stepper.carry.copy(),
             parameters=self._stepper.parameters.copy(),
             # not copied, being large: what it has up to here is not written again
@@ -716,13 +710,8 @@ class Engine:
 
     def restore(self, state: EngineState) -> None:
         """Return to the simulator state of a snapshot."""
-        self.scenario = state.scenario
-        self._inputs = state.inputs
-        self._rows = state.rows
-        self.begun = state.begun
-        self.tick = state.tick
-        self.ended = state.ended
-        self.from_outside = state.from_outside
+        for name, value in state.kept.items():
+            setattr(self, name, value)
         self._stepper.carry[:] = state.carry
         self._stepper.parameters[:] = state.parameters
         self._pictures.taken = copy.deepcopy(state.pictures)

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from skyarm.records.arrays import Array
-from skyarm.records.leaves import leaves, rebuild
+from skyarm.records.leaves import leaves, parts, rebuild
 from skyarm.simulate.assemble_log import LoggedSamples
 from skyarm.simulate.loop_state import Sample
 
@@ -42,19 +42,17 @@ class FlightRecorder:
         samples = list[LoggedSamples]()
         rows = rows.copy() if kept else rows
         # columns in place of numbers: each field becomes an array over time
-        columns = rebuild(self._sample, iter(rows.T))
-        for own, (first, command, measured, found, led, end) in zip(
-            columns.agents, self._marks, strict=True
-        ):
+        columns = rebuild(self._sample, rows.T)
+        for own, span in zip(columns.agents, self._spans, strict=True):
             samples.append(
                 LoggedSamples(
-                    states=rows[:, first:command],
-                    commands=rows[:, command:measured],
+                    states=rows[:, span["state"]],
+                    commands=rows[:, span["command"]],
                     measurement=own.measurement,
                     readings=own.readings,
                     wind=own.wind,
-                    found=rows[:, found:led],
-                    led=rows[:, led:end],
+                    found=rows[:, span["found"]],
+                    led=rows[:, span["led"]],
                 )
             )
         return tuple(samples)
@@ -64,29 +62,15 @@ class FlightRecorder:
         """Columns of each sensor's reading of the only vehicle in a row of the log, by
         the sensor's name.
         """
-        sample = self._sample.agent
-        places = dict[str, slice]()
-        begin = self._marks[0][2] + len(leaves(sample.measurement))
-        for name, reading in sample.readings:
-            places[name] = slice(begin, begin := begin + len(leaves(reading)))
-        return places
+        return {name: _span(reading) for name, reading in self._places.agent.readings}
 
     @cached_property
     def joint_columns(self) -> slice:
         """Columns of the measured joint positions and rates of the only vehicle in a
         row of the log.
         """
-        measured = self._sample.agent.measurement
-        before = (
-            measured.time,
-            measured.position,
-            measured.quaternion,
-            measured.velocity,
-            measured.rate,
-            measured.specific_force,
-        )
-        begin = self._marks[0][2] + len(leaves(before))
-        return slice(begin, begin + len(measured.joints) + len(measured.joint_rates))
+        measured = self._places.agent.measurement
+        return _span((measured.joints, measured.joint_rates))
 
     def row(self, tick: int) -> Array:
         """Logged row of a control period that has been flown: alive, state, command,
@@ -101,24 +85,25 @@ class FlightRecorder:
         """
         rows = self.table[start - self.first : stop - self.first]
         return [
-            (rows[:, first:command], rows[:, command:measured])
-            for first, command, measured, *_ in self._marks
+            (rows[:, span["state"]], rows[:, span["command"]]) for span in self._spans
         ]
 
     @cached_property
-    def _marks(self) -> list[list[int]]:
-        """Columns of a logged sample at which each vehicle's state, command,
-        measurement and later parts begin.
-        """
-        marks = list[list[int]]()
-        begin = len(leaves(self._sample.alive))
-        for own in self._sample.agents:
-            # in the order of AgentSample's fields, which is that of a row
-            later = (own.measurement, own.readings, own.wind)
-            sizes = [
-                len(leaves(part))
-                for part in (own.state, own.command, later, own.found, own.led)
-            ]
-            marks.append([begin, *(begin + int(end) for end in np.cumsum(sizes))])
-            begin = marks[-1][-1]
-        return marks
+    def _places(self) -> Sample:
+        """Column of each number of a sample, in that number's place."""
+        # floats, as an int would be structure
+        return rebuild(self._sample, map(float, range(self.table.shape[1])))
+
+    @cached_property
+    def _spans(self) -> list[dict[str, slice]]:
+        """Columns of the fields of each vehicle's sample, by field."""
+        return [
+            {name: _span(value) for name, value in parts(own).items()}
+            for own in self._places.agents
+        ]
+
+
+def _span(places: object) -> slice:
+    """Columns from the first to the last of a record of columns."""
+    columns = leaves(places)
+    return slice(int(columns[0]), int(columns[-1]) + 1) if columns else slice(0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop_state import (
     AgentLoop,
     GivenRow,
-    GivenRows,
     InputRow,
     LoopState,
     PathClock,
@@ -69,19 +68,23 @@ class EpisodeInputs:
         return table_of(self.held_reference, len(self.ticks))
 
     @cached_property
-    def rows(self) -> Array:
-        """Table of closed-loop inputs, one row per control instant: time, held
-        reference, time-scaled reference.
+    def fed(self) -> GivenRow:
+        """Closed-loop inputs at the control instants, as a record of arrays: time, held
+        and time-scaled reference; the time alone where phases wait.
         """
         if self.waits.guards:
-            return table_of((self.times,), len(self.ticks))
-        fed = InputRow(
+            return InputRow(time=self.times, reference=())
+        return InputRow(
             time=self.times,
             reference=self.held_reference,
             scaled=self.scaled_reference,
             path_time=self.path_time,
         )
-        return table_of(fed, len(self.ticks))
+
+    @cached_property
+    def rows(self) -> Array:
+        """Table of closed-loop inputs, one row per control instant."""
+        return table_of(self.fed, len(self.ticks))
 
     @cached_property
     def scaled_reference(self) -> Reference | tuple[()]:
@@ -115,22 +118,7 @@ class EpisodeInputs:
         """Closed-loop inputs at one control instant with zeros as numbers, from which a
         program is traced.
         """
-        if self.waits.guards:
-            return InputRow(time=0.0, reference=())
-        return self._whole_row
-
-    @property
-    def _whole_row(self) -> InputRow[Reference]:
-        """Closed-loop inputs at one instant, reference included, with zeros as numbers,
-        to trace a program from.
-        """
-        scaled = structure_of(self.scaled_reference)
-        return InputRow(
-            time=0.0,
-            reference=self.reference_example,
-            scaled=scaled,
-            path_time=0.0 if scaled else (),
-        )
+        return structure_of(self.fed)
 
     @cached_property
     def waits(self) -> Waits:
@@ -182,7 +170,7 @@ class EpisodeInputs:
         dense = sample.dense()
         return rebuild(
             dense,
-            iter([float(np.asarray(leaf).reshape(-1)[0]) for leaf in leaves(dense)]),
+            [float(np.asarray(leaf).reshape(-1)[0]) for leaf in leaves(dense)],
         )
 
     def row_at(self, tick: int, own: AgentLoop, ticks: Scalar) -> InputRow[Reference]:
@@ -199,14 +187,7 @@ class EpisodeInputs:
                 reference=self.held_now(clock, ticks),
                 path_time=path_time,
             )
-        return rebuild(self._whole_row, numbers)
-
-    @cached_property
-    def reference_example(self) -> Reference:
-        """Reference at one instant with zeros as numbers, from which a program is
-        traced.
-        """
-        return structure_of(self.held_reference)
+        return cast("InputRow[Reference]", rebuild(self.row_example, numbers))
 
 
 class FlightInputs:
@@ -259,13 +240,6 @@ class FlightInputs:
         first, *others = (each.rows for each in self.each)
         # the table of an only vehicle is taken as it is: hstack would copy it
         return np.hstack([first, *others]) if others else first
-
-    @property
-    def row_examples(self) -> GivenRows:
-        """Closed-loop inputs at one control instant with zeros as numbers, from which a
-        program is traced.
-        """
-        return tuple(each.row_example for each in self.each)
 
     def rows_at(self, tick: int, now: LoopState) -> tuple[InputRow[Reference], ...]:
         """Closed-loop inputs of all vehicles in the control period that begins with a

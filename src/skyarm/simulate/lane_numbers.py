@@ -20,8 +20,7 @@ from skyarm.records.leaves import Place, field_names, part, replace_at
 from skyarm.records.path_names import agent_of, word_of
 from skyarm.scenario.in_flight import measured_paths, require_changes
 from skyarm.scenario.numbers import (
-    is_added,
-    means_the_same,
+    is_same_load,
     number_at,
     require_apart,
     with_numbers,
@@ -447,12 +446,13 @@ def _refusals(scenario: Scenario, path: str) -> Iterator[str]:
                 yield f"{words}; fly each by itself, or say believed = false"
     for i, change in enumerate(scheduled_changes(scenario)):
         where = f"changes[{i}].path = {change.path!r}"
+        adds = is_same_load(scenario, path, change.path)
         if i >= len(scenario.changes):
             where = (
                 f"{change.path!r}, which payloads set at {change.at:g} s (believed ="
                 " true)"
             )
-            if is_added(scenario, path) and means_the_same(scenario, path, change.path):
+            if adds:
                 yield f"adds to {where}; vary their mass"
             continue
         if path == f"changes.{i}.value" and word_of(change.path).startswith(STATED):
@@ -460,11 +460,7 @@ def _refusals(scenario: Scenario, path: str) -> Iterator[str]:
                 "must not vary, since a largest integration step may follow from"
                 f" {where}"
             )
-        if (
-            is_added(scenario, path)
-            and is_added(scenario, change.path)
-            and means_the_same(scenario, path, change.path)
-        ):
+        if adds:
             yield (
                 f"adds to {where}; vary changes.{i}.value, and set the payload of the"
                 " start by a change at 0"

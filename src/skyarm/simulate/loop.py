@@ -34,7 +34,8 @@ which both need, 10 s take ten times as long."""
 
 WINDOW = 10_000
 """Number of control periods in memory of a flight whose log may read its arrays from a
-file."""
+file: 50 s at 200 Hz. All in memory, an hour of case3 took 2391 MB, five times its
+log."""
 
 
 class _Episode(Session):

@@ -254,15 +254,15 @@ def _carry_agent(new: AgentLoop, old: AgentLoop, clock: Clock) -> AgentLoop:
         if len(new.drives) == len(old.drives)
         else ()
     )
-    return AgentLoop(
-        state=_kept(new.state, old.state),
-        memory=_kept(new.memory, old.memory),
-        queue=_kept(new.queue, old.queue),
-        sensors=_kept(new.sensors, old.sensors),
-        estimate=_kept(new.estimate, old.estimate),
+    kept = {
+        name: _kept(getattr(new, name), getattr(old, name))
+        for name in ("state", "memory", "queue", "sensors", "estimate", "images")
+    }
+    return replace(
+        new,
         drives=tuple(_kept(*both) for both in drives) or new.drives,
         clock=clock or _kept(new.clock, old.clock),
-        images=_kept(new.images, old.images),
+        **kept,
     )
 
 
@@ -276,5 +276,5 @@ def structure_of(record: Record) -> Record:
     for tracing.
     """
     if is_record(record) or isinstance(record, tuple):
-        return rebuild(record, iter([0.0] * len(leaves(record))))
+        return rebuild(record, [0.0] * len(leaves(record)))
     return record

@@ -75,10 +75,11 @@ class ArrivingPictures:
         self._scenario: Scenario | None = None
         self._clocks = dict[str, tuple[int, int]]()
         self.taken = dict[str, Array]()
-        cameras, rate = cameras_of(scenario), scenario.rates.control
+        cameras, rates = cameras_of(scenario), scenario.rates
         for name in names:
             _, sensor = cameras[name]
-            every, late = round(rate / sensor.frequency), round(sensor.latency * rate)
+            every = rates.periods_between(sensor.frequency)
+            late = round(sensor.latency * rates.control)
             self._clocks[name] = every, late
             size = -(-late // every) + 1, lanes, 1 + prod(sensor.shape)
             self.taken[name] = np.full(size, np.nan)
@@ -164,7 +165,7 @@ class FlightPictures(ArrivingPictures):
                 scenario,
                 np.array([tick]),
                 np.zeros(1, int),
-                lambda _: (rebuild(self._example, iter(carry[:, None])), (), {}),
+                lambda _: (rebuild(self._example, carry[:, None]), (), {}),
             )
             for place, row in zip(self._places.values(), newest, strict=True):
                 carry[place] = row[0]

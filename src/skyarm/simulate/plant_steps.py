@@ -159,8 +159,7 @@ class StagesInPython(Stages):
     termination raises an exception.
 
     Args:
-        scenario: scenario of the episode. calls: internal states of the laws. examples:
-            commands with their structure.
+        scenario: scenario of the episode. calls: internal states of the laws.
         commands, given: arguments of :class:`Stages`.
     """
 
@@ -168,23 +167,18 @@ class StagesInPython(Stages):
         self,
         scenario: Scenario,
         calls: Sequence[LawCalls],
-        examples: Sequence[Command],
         commands: Sequence[Command] = (),
         given: Sequence[Scalar] = (),
     ) -> None:
-        self._called = dict(
-            zip(scenario.agents, zip(calls, examples, strict=True), strict=True)
-        )
+        self._called = dict(zip(scenario.agents, calls, strict=True))
         super().__init__(scenario, commands, given)
 
     def _stages_of(
         self, name: str, command: Command | None, given: Scalar | None
     ) -> AgentStages:
         """Stages of one vehicle, whose law is called where it cannot be traced."""
-        calls, example = self._called[name]
-        return AgentStagesInPython(
-            self.scenario.of(name), calls, example, command, given
-        )
+        calls = self._called[name]
+        return AgentStagesInPython(self.scenario.of(name), calls, command, given)
 
     def alive(self, now: LoopState, rows: Sequence[InputRow[Reference]]) -> Scalar:
         """Evaluate the termination conditions; raise EpisodeEndedError if one is
@@ -200,7 +194,6 @@ class AgentStagesInPython(AgentStages):
 
     Args:
         scenario: scenario of its flight alone. calls: internal state of its law.
-            example: command with its structure.
         command, given: arguments of :class:`AgentStages`.
     """
 
@@ -208,13 +201,11 @@ class AgentStagesInPython(AgentStages):
         self,
         scenario: Scenario,
         calls: LawCalls,
-        example: Command,
         command: Command | None = None,
         given: Scalar | None = None,
     ) -> None:
         super().__init__(scenario, command, given)
         self._calls = calls
-        self._example = example
 
     def send(
         self, alive: Scalar, queue: Sequence[Command], command: Command
@@ -243,7 +234,8 @@ class AgentStagesInPython(AgentStages):
             return super().apply_law(memory, measurement, reference, path_time)
         inputs = (measurement, reference, path_time)
         law = super().apply_law
-        count = len(leaves((self._example, memory)))
+        example = example_command(*self.scenario.agent.vehicle.sizes)
+        count = len(leaves((example, memory)))
 
         def call(given: Flat, numbers: Flat) -> Flat:
             # mode 1, a command from outside: the law is not called, so its memory stays
@@ -251,13 +243,13 @@ class AgentStagesInPython(AgentStages):
                 return (0.0,) * count
             # kept outside the program, as it may be any object
             self._calls.memory, command = law(
-                self._calls.memory, *rebuild(inputs, iter(numbers))
+                self._calls.memory, *rebuild(inputs, numbers)
             )
             return (*leaves(command), *leaves(PushAlone.of(self._calls.memory)))
 
         given = () if self._given is None else (self._given,)
         results = iter(_graph_of(inputs).external(call, [given, leaves(inputs)], count))
-        command = rebuild(self._example, results)
+        command = rebuild(example, results)
         return rebuild(memory, results), command
 
 

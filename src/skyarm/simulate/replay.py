@@ -24,9 +24,9 @@ from skyarm.plant.compiled import RigidBodyPlant, hold
 from skyarm.plant.interface import Truth, example_command
 from skyarm.plant.rigid_body import Moved
 from skyarm.plant.surroundings import Memories, Surroundings, Together
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, field_views
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Dataclass, Tree, field_names, leaves
+from skyarm.records.leaves import Tree
 from skyarm.simulate.command_delay import drives_after, switches
 from skyarm.vehicle import Vehicle
 from skyarm.world import Component, Effectiveness, Wrench
@@ -80,6 +80,9 @@ class Inputs:
 # no cut of LoopProgram: its step is that of a log's clock, as 0.0040016 s, and rates of
 # scenarios are whole numbers of Hz; it has no sensors, law and random numbers, and its
 # commands, which arrive within a step, differ from lane to lane
+# no RigidBodySteps either, which selects against an interval that a traced delay leaves
+# empty: no faster here (measured), and where a delay is of whole steps the attitude is
+# normalised once, not three times, so that last bits of the state differ
 class CommandReplay:
     """Compiled plant model that flies under logged commands.
 
@@ -212,16 +215,16 @@ class ReplayedFlights:
     ) -> None:
         self._stepper = LaneStepper(kernel, lanes, threads=threads)
         stepper = self._stepper
-        self.state, count = _views(carry[0], stepper.carry)
+        self.state, count = field_views(carry[0], stepper.carry)
         self.memories = stepper.carry[count:]
-        self.inputs, _ = _views(inputs, stepper.parameters)
+        self.inputs, _ = field_views(inputs, stepper.parameters)
         for part in ("before", "after"):
             fields = {
                 "rotor_speeds": "speeds",
                 "efforts": "setpoints",
             }
             rows = self.inputs.pop(part)
-            commands, _ = _views(getattr(inputs, part), rows)
+            commands, _ = field_views(getattr(inputs, part), rows)
             self.inputs |= {
                 f"{name}_{part}": commands[field] for field, name in fields.items()
             }
@@ -241,16 +244,3 @@ class ReplayedFlights:
     def close(self) -> None:
         """Shut down the threads of the simulation."""
         self._stepper.close()
-
-
-def _views(record: Dataclass, rows: Array) -> tuple[dict[str, Array], int]:
-    """Views of the array rows that hold each field of a dataclass, by field name, and
-    the total number of rows.
-    """
-    views = dict[str, Array]()
-    first = 0
-    for name in field_names(type(record)) or ():
-        last = first + len(leaves(getattr(record, name)))
-        views[name] = rows[first:last]
-        first = last
-    return views, first

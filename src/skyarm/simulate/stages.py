@@ -174,23 +174,23 @@ class Stages:
         draws = self.draws.shares(uniforms)
         time = rows[0].time
         first = now.agents[0].state
-        own = [
-            self._advance_models(models, loop.components, time, loop.state, numbers)
-            for models, loop, numbers in zip(
-                self.own, now.agents, draws.components, strict=True
-            )
-        ]
-        for each, loop, models, memories in zip(
-            self.agents, now.agents, self.own, own, strict=True
+        own = list[list[Tree]]()
+        for each, models, loop, numbers in zip(
+            self.agents, self.own, now.agents, draws.components, strict=True
         ):
+            memories = self._advance_models(
+                models, loop.components, time, loop.state, numbers
+            )
             # a battery is loaded by the command in force, as this period's arrives
             # later in it
             speeds = each.acting(loop.queue).rotor_speeds
             pairs = zip(models, memories, strict=True)
-            memories[:] = [
-                model.supply(memory, self.period, loop.state, speeds)
-                for model, memory in pairs
-            ]
+            own.append(
+                [
+                    model.supply(memory, self.period, loop.state, speeds)
+                    for model, memory in pairs
+                ]
+            )
         # a model that all share stands at no vehicle; it is given the state of the
         # first
         shared = self._advance_models(
@@ -342,10 +342,8 @@ class Stages:
         """Inputs of the plant at a state of the loop, whose environment models are
         those of this period already.
         """
-        own, drives = (
-            [loop.components for loop in now.agents],
-            [loop.drives for loop in now.agents],
-        )
+        own = [loop.components for loop in now.agents]
+        drives = [loop.drives for loop in now.agents]
         return self.together(own, now.components, drives, time)
 
     def around(
@@ -417,8 +415,7 @@ class AgentStages:
         self.logged = (*full, *(name for name, _ in self.sensors[1:]))
         # named sensors are measured each so many control periods
         self._every = tuple(
-            round(scenario.rates.control / s.frequency) if s.frequency else 1
-            for _, s in self.sensors
+            scenario.rates.periods_between(s.frequency) for _, s in self.sensors
         )
         self._models = scenario.components
 
@@ -697,7 +694,7 @@ def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Refe
             for a, b in zip(pose, numbers, strict=True)
             if is_leaf(b)
         ]
-    return rebuild(going, iter(values))
+    return rebuild(going, values)
 
 
 def load_wrenches(

@@ -14,7 +14,12 @@ import numpy as np
 
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.llvm.shared_steps import SharedSteps, Workers
+from skyarm.compile.llvm.shared_steps import (
+    START,
+    SharedSteps,
+    Workers,
+    arguments_of,
+)
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.compile.tracing.program import Loop, trace_call
 from skyarm.records.arrays import AnyArray as Array
@@ -71,11 +76,7 @@ class LaneStepper:
         self.parameters = self._parameters[:, :lanes]
         self.row = self._row[0]
         arrays = (self._carry, self._parameters, self._row, self._log, self._keys)
-        # first block, last block, begin, end, start, lanes, log every
-        pointers = [array.ctypes.data for array in arrays]
-        self._arguments = np.array(
-            [*pointers, 0, blocks, 0, 1, 0, stride, 1], dtype=np.int64
-        )
+        self._arguments = arguments_of(arrays, blocks, stride)
         self._pointer = ctypes.c_void_p(self._arguments.ctypes.data)
         self._quick = kernel.quick
         self._arrays = arrays
@@ -132,8 +133,7 @@ class LaneStepper:
         tick = self._tick
         self._tick = self._tick + 1
         if self._shared is None:
-            self._arguments[9] = tick
-            # the place of the step's number, as START in shared_steps
+            self._arguments[START] = tick
             self._quick(self._pointer)
         else:
             if self._process != os.getpid():  # threads stay behind in a fork
@@ -197,25 +197,13 @@ class Stepper:
                 raise ValueError(f"{name}: shape {values.shape}, allowed ({count},)")
         self.row, self.output = np.zeros(loop.row, dtype), np.zeros(loop.logged, dtype)
         self._keys = np.array([seed, episode], dtype=np.uint64)
-        pointers = [
-            a.ctypes.data
-            for a in (self.carry, self.parameters, self.row, self.output, self._keys)
-        ]
-        # first block, last block, begin, end, start, lanes, log every
-        self._arguments = np.array([*pointers, 0, 1, 0, 1, 0, 1, 1], dtype=np.int64)
-        self.clock = self._arguments[9:10]
+        arrays = (self.carry, self.parameters, self.row, self.output, self._keys)
+        self._arguments = arguments_of(arrays, 1, 1)
+        self.clock = self._arguments[START : START + 1]
         step = partial(kernel.quick, ctypes.c_void_p(self._arguments.ctypes.data))
         self._buffer = self._arguments.data  # written faster than the array
         # who keeps the function alone keeps its arrays and its machine code, too
-        own = (
-            self.carry,
-            self.parameters,
-            self.row,
-            self.output,
-            self._keys,
-            self._arguments,
-        )
-        step.__dict__["needs"] = [kernel, own]
+        step.__dict__["needs"] = [kernel, (*arrays, self._arguments)]
         self.step: Callable[[], None] = step
 
     def read_tables(self, rows: Array, log: Array) -> None:
@@ -278,7 +266,7 @@ class Quick:
 
     def shaped(self) -> Any:
         """Output values as the dataclass that the compiled function returns."""
-        return rebuild(self.result, iter(self.outputs.tolist()))
+        return rebuild(self.result, self.outputs.tolist())
 
     def _in_python(self, loop: Loop) -> Callable[[], None]:
         program = loop.stepper()

@@ -16,6 +16,7 @@ import platform
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import islice
 
 from skyarm.algebra.scalars.philox import KEY_INCREMENTS, MULTIPLIERS, ROUNDS
 from skyarm.compile.llvm.llvm_text import Lanes, Writer
@@ -161,14 +162,10 @@ zero."""
 def assembly(loop: Loop, lanes: Lanes, *, logging: bool) -> str:
     """LLVM assembly text of a traced loop."""
     writer = Writer(lanes)
-    inputs = loop.program.inputs
-    marks = (
-        loop.carry,
-        loop.carry + loop.parameters,
-        loop.carry + loop.parameters + loop.row,
+    draws = iter(loop.program.inputs)
+    carry, parameters, rows = (
+        tuple(islice(draws, count)) for count in (loop.carry, loop.parameters, loop.row)
     )
-    carry, parameters = inputs[: marks[0]], inputs[marks[0] : marks[1]]
-    rows, draws = inputs[marks[1] : marks[2]], inputs[marks[2] :]
     invariant, varying = _split(loop.program.nodes, parameters)
     writer.do(
         f"define internal void @{BODY}({', '.join(ARGUMENTS)}) noinline"

@@ -17,6 +17,8 @@ from queue import Empty, SimpleQueue
 from time import perf_counter
 from typing import Any
 
+import numpy as np
+
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.immutable import positional
 
@@ -51,6 +53,15 @@ does not end the wait."""
 Arguments = ctypes.c_int64 * 12
 """Arguments of the machine code: five arrays, first and last block, begin, end, start,
 lanes, logging interval."""
+
+
+def arguments_of(arrays: Sequence[Array], blocks: int, lanes: int) -> Array:
+    """Arguments, as of :data:`Arguments`, that step all blocks through the first row
+    and log it.
+    """
+    addresses = [*map(_address, arrays)]
+    return np.array([*addresses, 0, blocks, 0, 1, 0, lanes, 1], dtype=np.int64)
+
 
 FIRST, BEGIN, START = 5, 7, 9
 """Indices among these arguments of the first block, of the first row (``begin``) and of

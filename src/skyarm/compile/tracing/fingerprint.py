@@ -26,7 +26,7 @@ LIBRARY = f"{__name__.partition('.')[0]}."
 
 def in_floats(record: Record) -> Record:
     """Copy of a nested dataclass with all its numbers converted to floats."""
-    return rebuild(record, iter([float(leaf) for leaf in leaves(record)]))
+    return rebuild(record, [float(leaf) for leaf in leaves(record)])
 
 
 def fingerprint(function: Callable[..., Any], *examples: Tree) -> dict[str, str]:

@@ -29,17 +29,17 @@ def lower(
     """Rewrite a traced program in basic operations such as + and *."""
     target = Graph(loops=True)
     made = {node.index: target.input(node.value) for node in inputs}
-    for node in nodes:
-        args = [made[arg.index] for arg in node.args]
+
+    def lowered(node: Node, args: list[Node]) -> Node:
         if node.op == "const":
-            made[node.index] = target.constant(node.value)
-        elif node.op in COMPOSED:
-            made[node.index] = target.lift(COMPOSED[node.op](*args))
-        elif node.op in ("add", "sub", "mul", "neg"):
-            made[node.index] = getattr(target, node.op)(*args)
-        elif node.op == "slot":
-            made[node.index] = target.slot()
-        elif node.op == "repeat":
+            return target.constant(node.value)
+        if node.op in COMPOSED:
+            return target.lift(COMPOSED[node.op](*args))
+        if node.op in ("add", "sub", "mul", "neg"):
+            return cast("Node", getattr(target, node.op)(*args))
+        if node.op == "slot":
+            return target.slot()
+        if node.op == "repeat":
             count, slots, until = node.value
             half = len(slots)
             variables = [
@@ -49,21 +49,25 @@ def lower(
             items = target.repeat(
                 count, variables, args[:half], args[half:], until=until
             )
-            made[node.index] = items[0].args[0]
-        elif node.op == "item":
-            made[node.index] = target.item(args[0], node.value)
-        elif node.op == "call":
+            return items[0].args[0]
+        if node.op == "item":
+            return target.item(args[0], node.value)
+        if node.op == "call":
             function, sizes = node.value
             given = iter(args)
             groups = [[next(given) for _ in range(size)] for size in sizes]
             # a call without results is not live: the first of them leads to its node
-            made[node.index] = target.external(function, groups, 1)[0].args[0]
-        elif node.op == "apply":
-            made[node.index] = target.apply(node.value, args)
-        elif node.op == "result":
-            made[node.index] = target.result(args[0], node.value)
-        elif node.op != "input":
-            made[node.index] = target.call(node.op, *args)
+            return target.external(function, groups, 1)[0].args[0]
+        if node.op == "apply":
+            return target.apply(node.value, args)
+        if node.op == "result":
+            return target.result(args[0], node.value)
+        return target.call(node.op, *args)
+
+    for node in nodes:
+        if node.op != "input":
+            args = [made[arg.index] for arg in node.args]
+            made[node.index] = lowered(node, args)
     results = tuple(made[node.index] for node in outputs)
     target.close()
     return Lowered(
@@ -172,8 +176,7 @@ def repeat(
             before = len(graph.nodes)
             slots = [graph.slot() for _ in starts]
             ends = [
-                graph.lift(leaf)
-                for leaf in leaves(function(rebuild(record, iter(slots))))
+                graph.lift(leaf) for leaf in leaves(function(rebuild(record, slots)))
             ]
             if len(ends) != len(starts):
                 raise ValueError(
@@ -182,7 +185,7 @@ def repeat(
                 )
             if until is not None or count * (len(graph.nodes) - before) > WRITTEN_OUT:
                 return rebuild(
-                    record, iter(graph.repeat(count, slots, starts, ends, until=until))
+                    record, graph.repeat(count, slots, starts, ends, until=until)
                 )
             for _ in range(count):
                 record = function(record)
@@ -360,7 +363,8 @@ def arrange(nodes: Iterable[Node]) -> list[tuple[Node, list[Node]]]:
 
 EARLY = 4
 """Rounds that are counted of a loop which may end early, as that of the substeps in
-contact: its most are hundreds."""
+contact: its most are hundreds, 288 for grasps. Counted by its most, 16 of 26 shipped
+scenarios looked too large to be optimised."""
 
 
 def operations(

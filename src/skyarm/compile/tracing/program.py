@@ -113,9 +113,7 @@ def trace(function: Callable[..., Tree], *examples: Tree) -> Program:
     """
     graph = Graph()
     inputs = [graph.input(f"x{i}") for i, _ in enumerate(leaves(examples))]
-    program = Program(
-        graph, inputs, function(*rebuild(examples, iter(inputs))), examples
-    )
+    program = Program(graph, inputs, function(*rebuild(examples, inputs)), examples)
     graph.close()
     return program
 
@@ -325,8 +323,7 @@ def trace_loop(
         graph.input(f"u{i}") for i in range(sum(count for _, count in uniforms))
     )
     arguments = [
-        rebuild(record, iter(group))
-        for record, group in zip(examples, groups, strict=True)
+        rebuild(record, group) for record, group in zip(examples, groups, strict=True)
     ]
     result = step(*arguments, draws)
     following, log = map(leaves, result)

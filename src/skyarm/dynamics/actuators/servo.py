@@ -193,7 +193,7 @@ class Servo(Drive):
         """
         per_volt = mul(self.gear, self.torque_constant)
         # the counter-voltage constant equals the torque constant in SI units
-        counter = mul(mul(self.gear, self.torque_constant), rate)
+        counter = mul(per_volt, rate)
         per_ampere = mul(per_volt, self.efficiency)
         low = maximum(
             divide(sub(-self.voltage, counter), self.resistance), -self.current_limit
