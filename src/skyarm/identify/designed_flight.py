@@ -151,10 +151,6 @@ def design_flight(
             f" ({plain.info['status']})"
         )
     measured = measured_noise(_flight_data(plain), vehicle)
-
-    def drawn(done: int, _: int, words: str) -> None:
-        tell(done + 1, words)
-
     segments = design_segments(
         vehicle,
         measured,
@@ -162,7 +158,7 @@ def design_flight(
         limits,
         candidates=candidates,
         seed=seed,
-        progress=drawn,
+        progress=lambda done, words: tell(done + 1, words),
     )
     for flight in range(FLIGHTS):
         tell(candidates + 1, f"flight {flight + 1} in the closed loop")
