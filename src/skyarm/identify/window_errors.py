@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skyarm.algebra import Quaternion, Scalar, Vec3
+from skyarm.algebra import Quaternion, Scalar, Vec3, sums
 from skyarm.compile.llvm.shared_steps import cores
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.state import State
@@ -148,10 +148,8 @@ def turn_attitudes(attitude: Array, turn: Array) -> Array:
     axes.
     """
     # first order of the half angle, which normalising makes exact to the second
-    half = np.concatenate([np.ones((*turn.shape[:-1], 1)), 0.5 * turn], axis=-1)
-    rows = Quaternion(*np.moveaxis(attitude, -1, 0)) * Quaternion(
-        *np.moveaxis(half, -1, 0)
-    )
+    half = Quaternion(1.0, *np.moveaxis(0.5 * turn, -1, 0))
+    rows = Quaternion(*np.moveaxis(attitude, -1, 0)) * half
     return np.asarray(np.stack(list(rows.normalized()), axis=-1))
 
 
@@ -319,12 +317,7 @@ class WindowErrors:
                     at.rate.cross(place)
                 )
 
-            middle = Quaternion(
-                *(
-                    a + b
-                    for a, b in zip(before.quaternion, after.quaternion, strict=True)
-                )
-            )
+            middle = Quaternion(*sums([*before.quaternion], [*after.quaternion]))
             # the mean over the step, as a sensor averages; gravity is what the base
             # does not feel
             gained = (velocity(after) - velocity(before)) * (1.0 / step) + Vec3(
