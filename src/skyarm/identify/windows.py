@@ -298,12 +298,13 @@ def join_arrays(every: Sequence[Arrays], joining: Callable[[Any], Array]) -> Arr
     ``np.concatenate``.
     """
     kind: Any = type(every[0])
-    return kind(
+    joined: Arrays = kind(
         *(
             joining([getattr(each, field.name) for each in every])
             for field in fields(kind)
         )
     )
+    return joined
 
 
 def held_over(channel: Channel, edges: Array, delay: float, width: float = 0.0) -> Held:
