@@ -204,9 +204,11 @@ def predict_held_out(
     period, one_step, spread = one_step_errors(identified, once)
     _, one_step_before, _ = one_step_errors(at_start, once[:count])
     if not posed:
-        unknown = dict.fromkeys(("position", "velocity", "attitude"), math.nan)
         errors = {
-            name: [replace(each, **unknown) for each in rows]
+            name: [
+                replace(each, position=math.nan, velocity=math.nan, attitude=math.nan)
+                for each in rows
+            ]
             for name, rows in errors.items()
         }
     return HeldOut(
