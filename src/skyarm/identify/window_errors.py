@@ -403,7 +403,7 @@ class WindowErrors:
         """Residuals (steps, W, sensor axes) of W windows and their mask, for search
         variables of parameters (P,).
         """
-        there = self.counted()
+        there = self.compared_samples()
         errors = np.zeros(there.shape)
         # what a search tries may fly to infinity
         with np.errstate(over="ignore", invalid="ignore"):
@@ -478,7 +478,7 @@ class WindowErrors:
         directions = self._directions()
         columns = [place for place, _ in directions]
         steps = np.array([step for _, step in directions])[:, None]
-        there = self.counted()
+        there = self.compared_samples()
         errors = np.zeros(there.shape)
         count = windows.count
         m = len(self.rows)
@@ -540,7 +540,7 @@ class WindowErrors:
             ),
         )
 
-    def counted(self) -> Mask:
+    def compared_samples(self) -> Mask:
         """Mask (steps, W, sensor axes) of the samples that are compared."""
         return np.stack([self._counts(name) for name, _ in self.rows], axis=2)
 
@@ -839,8 +839,10 @@ class WindowLanes:
         inputs = self.flights.inputs
 
         def lanes(table: Array, which: IntArray) -> Array:
-            """Values (columns, simulations) at the present step of each window, of
-            commands (sets, steps, columns); without columns (simulations,).
+            """Values (columns, simulations) of commands (sets, steps, columns) at the
+            present step of each window.
+
+            Of commands without columns they are (simulations,).
             """
             return table[:, at][which].reshape(-1, *table.shape[2:]).T
 
