@@ -24,7 +24,6 @@ from pathlib import Path
 
 import numpy as np
 
-from skyarm.algebra import Quaternion
 from skyarm.algebra.frames import of_euler_angles, to_our_attitude, to_our_axes
 from skyarm.flight_data.columns_file import (
     SOURCES,
@@ -40,6 +39,7 @@ from skyarm.flight_data.raw_tables import (
     shares_of,
     valid_rows,
 )
+from skyarm.flight_data.series import in_turned_axes
 from skyarm.records.arrays import AnyArray, Array
 
 MAGIC = b"\xa3\x95"
@@ -239,14 +239,13 @@ def _with_attitude_of_unit(
         or not any(trims)
     ):
         return flight
-    channel = flight["quaternion"]
-    turn = to_our_attitude(*of_euler_angles(*trims))
-    values = np.stack([*(Quaternion(*channel.values.T) * turn)], axis=1)
+    turn = to_our_attitude(*of_euler_angles(*trims)).conjugate()
+    turned = in_turned_axes("quaternion", flight["quaternion"], turn)
     words = (
         "quaternion: is turned back by the trims AHRS_TRIM_X, Y, Z, to the axes of the"
         " inertial unit."
     )
-    return flight.with_channels({"quaternion": replace(channel, values=values)}, words)
+    return flight.with_channels({"quaternion": turned}, words)
 
 
 def _with_filters(flight: FlightData, parameters: Mapping[str, float]) -> FlightData:

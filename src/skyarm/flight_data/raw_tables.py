@@ -114,10 +114,10 @@ def flight_of(
             quantity at all.
     """
     columns = columns or Columns()
-    chosen = {
-        name: each for name, every in usual.items() if (each := _fastest(tables, every))
-    }
-    signals = {**chosen, **columns.signals}
+    signals = dict(columns.signals)
+    for name, every in usual.items():
+        if name not in signals and (fastest := _fastest(tables, every)):
+            signals[name] = fastest
     channels, said = dict[str, Channel](), list(notes)
     columns = replace(columns, time_unit=_time_unit(columns, tables, said))
     for name, every in usual.items():
@@ -133,13 +133,10 @@ def flight_of(
             )
     for name in (each for each in QUANTITIES if each in signals):
         channel = _channel(name, signals[name], tables, columns, said)
-        if (
-            name in chosen
-            and FILTERED.fullmatch(chosen[name].topic)
-            and name not in columns.signals
-        ):
+        topic = signals[name].topic
+        if FILTERED.fullmatch(topic) and name not in columns.signals:
             said.append(
-                f"{name}: {chosen[name].topic} is behind PX4's filters, whose lag"
+                f"{name}: {topic} is behind PX4's filters, whose lag"
                 " counts as one of the rotors."
             )
         if name == "voltage" and channel.time.size and not channel.values.any():

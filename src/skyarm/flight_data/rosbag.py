@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING, Any, SupportsFloat
 import numpy as np
 
 from skyarm.algebra import ZERO3, Quaternion, Vec3
-from skyarm.algebra.frames import turn_vectors
 from skyarm.flight_data.bag_axes import IMU, PX4, MessageAxes
 from skyarm.flight_data.clocks import POSE
 from skyarm.flight_data.columns_file import (
@@ -53,6 +52,7 @@ from skyarm.flight_data.raw_tables import (
     shares_of,
     valid_rows,
 )
+from skyarm.flight_data.series import in_turned_axes
 from skyarm.records.arrays import Array
 from skyarm.records.files import needs_extra
 from skyarm.records.files.messages import comma_list
@@ -313,12 +313,7 @@ def _in_base_axes(
         topic = flight[quantity].source.partition(":")[0] if quantity in flight else ""
         if topic in mounts:
             place, turn = mounts[topic]
-            values = flight[quantity].values
-            if quantity == "quaternion":  # world to unit, then unit to base
-                turned = np.stack([*(Quaternion(*values.T) * turn.conjugate())], axis=1)
-            else:
-                turned = turn_vectors(np.array([[*turn]]), values)
-            changed = {quantity: replace(flight[quantity], values=turned)}
+            changed = {quantity: in_turned_axes(quantity, flight[quantity], turn)}
             stated = (
                 dict(zip(PLACE, place, strict=True))
                 if quantity == "accelerometer"

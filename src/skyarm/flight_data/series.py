@@ -5,12 +5,13 @@ interpolation of attitudes.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Quaternion
-from skyarm.algebra.frames import continuous, unit_rows
+from skyarm.algebra.frames import continuous, turn_vectors, unit_rows
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import QUANTITIES
 from skyarm.records.arrays import Array, doubles, lengths
@@ -55,6 +56,16 @@ def attitude_at(attitude: Channel, time: Array) -> Array:
     interpolation.
     """
     return unit_rows(columns_at(time, attitude.time, continuous(attitude.values)))
+
+
+def in_turned_axes(name: str, channel: Channel, turn: Quaternion) -> Channel:
+    """Channel of a quantity of a name in other axes of the base, to which a rotation
+    turns those that it is in.
+    """
+    if name == "quaternion":  # from the new axes to the old, then to the world
+        attitudes = Quaternion(*channel.values.T) * turn.conjugate()
+        return replace(channel, values=np.stack([*attitudes], axis=1))
+    return replace(channel, values=turn_vectors(np.array([[*turn]]), channel.values))
 
 
 def rotations_between(first: Array, second: Array) -> Array:

@@ -343,17 +343,17 @@ def _rotor_speeds(
     motors that they drive.
     """
     table = tables.get("esc_status")
-    order = {k: k for k in range(count)}
     if table is None:
         return ()
+    order = [*range(count)]
     functions = [f"esc[{k}].actuator_function" for k in range(MOST_ROTORS)]
     motors = [
         int(np.median(table.numbers(each))) - FIRST_MOTOR if table.has(each) else -1
         for each in functions
     ]
-    if {*range(count)} <= {*motors}:
-        order = {motor: motors.index(motor) for motor in range(count)}
-    columns = tuple(f"esc[{order[k]}].esc_rpm" for k in range(count))
+    if {*order} <= {*motors}:
+        order = [motors.index(motor) for motor in order]
+    columns = tuple(f"esc[{k}].esc_rpm" for k in order)
     if not table.has(*columns) or not any(
         np.nan_to_num(table.numbers(each)).any() for each in columns
     ):

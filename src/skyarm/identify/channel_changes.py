@@ -16,7 +16,7 @@ import numpy as np
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.frames import to_our_attitude, turn_vectors
 from skyarm.flight_data.flight_data import Channel, FlightData
-from skyarm.flight_data.series import attitude_at
+from skyarm.flight_data.series import attitude_at, in_turned_axes
 from skyarm.identify.log_checks import COMMANDS, IMU, RANGE, REFUSED, UNIT
 from skyarm.identify.logged_commands import highest_speeds
 from skyarm.records.arrays import Array, float_array, lengths
@@ -298,14 +298,7 @@ def _base_turned(up: Quaternion, own: Channels, degrees: float) -> Channels:
     (deg) about z.
     """
     turn = Quaternion.of_rotation_vector(Vec3(0.0, 0.0, math.radians(degrees))) * up
-    back, channels = turn.conjugate(), dict[str, Channel]()
-    for name, each in own.items():
-        if name == "quaternion":
-            values = np.stack([*Quaternion(*each.values.T) * back], axis=1)
-        else:
-            values = turn_vectors(np.array([[*turn]]), each.values)
-        channels[name] = replace(each, values=values)
-    return channels
+    return {name: in_turned_axes(name, each, turn) for name, each in own.items()}
 
 
 def _axis(row: Array) -> str:

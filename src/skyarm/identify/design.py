@@ -262,7 +262,7 @@ def design_segments(
     *,
     candidates: int,
     seed: int = 0,
-    progress: Callable[[int, int, str], None] | None = None,
+    progress: Callable[[int, str], None] = lambda done, words: None,
 ) -> list[Segment]:
     """Choose multisine segments, flown one after the other, that identify a vehicle's
     parameters best.
@@ -275,7 +275,7 @@ def design_segments(
         candidates: segments that are tried; a third of them is drawn freely, the others
             near those taken.
         seed: seed of the draws.
-        progress: called with (done, total, words).
+        progress: called with the number of candidates that are done, and words.
 
     Raises:
         ValueError: one line: no segment stays in the limits.
@@ -302,8 +302,7 @@ def design_segments(
     free = max(count + 2, candidates // 3)
     pool: list[Candidate] = []
     for i in range(free):
-        if progress is not None:
-            progress(i, candidates, "segments drawn")
+        progress(i, "segments drawn")
         trial = candidate(draw_segment(axes, duration, draw))
         pool += [trial] if trial is not None else []
     if not pool:
@@ -318,8 +317,7 @@ def design_segments(
         taken.append(max(pool, key=lambda each: gain([*taken, each])))
     best = gain(taken)
     for i in range(free, candidates):
-        if progress is not None:
-            progress(i, candidates, f"segments, {best:.1f} nats")
+        progress(i, f"segments, {best:.1f} nats")
         trial = candidate(
             mutate_segment(taken[int(draw.integers(count))].segment, axes, draw)
         )

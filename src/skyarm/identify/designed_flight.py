@@ -32,7 +32,7 @@ from skyarm.identify.multisines import (
 from skyarm.identify.required_flight import arm_clearance
 from skyarm.identify.window_fit import one_thread
 from skyarm.log.flight_log import Log
-from skyarm.records.arrays import Array, Mask, float_array
+from skyarm.records.arrays import Array, Mask
 from skyarm.records.files import PathLike
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
@@ -151,10 +151,6 @@ def design_flight(
             f" ({plain.info['status']})"
         )
     measured = measured_noise(_flight_data(plain), vehicle)
-
-    def drawn(done: int, _: int, words: str) -> None:
-        tell(done + 1, words)
-
     segments = design_segments(
         vehicle,
         measured,
@@ -162,7 +158,7 @@ def design_flight(
         limits,
         candidates=candidates,
         seed=seed,
-        progress=drawn,
+        progress=lambda done, words: tell(done + 1, words),
     )
     for flight in range(FLIGHTS):
         tell(candidates + 1, f"flight {flight + 1} in the closed loop")
@@ -236,10 +232,7 @@ def broken_axes(log: Log, vehicle: Vehicle, axes: Axes, limits: DesignLimits) ->
     broken[:3] |= np.abs(log.position - axes.rest[:3]).max(axis=0) > 0.5 * limits.box
     # what tilts the base is its motion along x and y
     broken[:2] |= _tilt(log).max() > limits.tilt
-    low, high = (
-        float_array(getattr(joint, end) for joint in vehicle.joints)
-        for end in ("lower", "upper")
-    )
+    low, high = np.array([each.ends for each in vehicle.joints]).reshape(-1, 2).T
     broken[BASE_AXES:] |= ((log.joints < low) | (log.joints > high)).any(axis=0)
     broken[BASE_AXES:] |= arm_clearance(vehicle, log.joints)[0].min() < limits.clear
     return broken

@@ -203,15 +203,19 @@ def predict_held_out(
     once = thin_places(begins(range(count), 0.0, step), ONCE)
     period, one_step, spread = one_step_errors(identified, once)
     _, one_step_before, _ = one_step_errors(at_start, once[:count])
+    if not posed:
+        errors = {
+            name: [
+                replace(each, position=math.nan, velocity=math.nan, attitude=math.nan)
+                for each in rows
+            ]
+            for name, rows in errors.items()
+        }
     return HeldOut(
         flights=names,
         period=period,
         horizons=tuple(horizons),
-        errors={
-            name: errors[name] if posed else [_rate_only(each) for each in errors[name]]
-            for name in ORDER
-            if name in errors
-        },
+        errors={name: errors[name] for name in ORDER if name in errors},
         one_step={IDENTIFIED: one_step, START: one_step_before, HOLD: spread},
         has_poses=bool(posed),
         notes=_notes(flights, start),
@@ -608,7 +612,3 @@ def one_step_errors(
 def _length(rows: Array) -> float:
     """Root mean square length of the vectors in the rows of an array."""
     return math.sqrt(float((rows**2).sum(axis=1).mean()))
-
-
-def _rate_only(errors: HorizonErrors) -> HorizonErrors:
-    return replace(errors, position=math.nan, velocity=math.nan, attitude=math.nan)

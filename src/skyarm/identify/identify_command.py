@@ -150,14 +150,13 @@ def flights(
     start, given = known_numbers(load_vehicle(vehicle), known or ())
     felt = None if gravity is None else require_gravity(gravity, "--gravity")
     sections = _sections(begin, end)
-    folder = None if out is None else Path(out)
+    folder = Path(out or "")
+    ours = [folder / name for name in (VEHICLE, NUMBERS, TABLE, FIGURE)]
     with taken_back(out):
         with bar(f"identify {start.name}") as advance:
-            if folder is not None:
+            if out is not None:
                 require_writable(folder)
-                require_replaceable(
-                    *(folder / name for name in (VEHICLE, NUMBERS, TABLE, FIGURE))
-                )
+                require_replaceable(*ours)
             report = identify_files(
                 FlightFiles(
                     fit=files, held_out=held_out or (), join=join, columns=columns
@@ -180,17 +179,15 @@ def flights(
             if identified.held_out is not None:
                 contents[TABLE] = prediction_csv(identified.held_out).encode()
                 # without poses there is neither position nor attitude to draw
-                if folder is not None and identified.held_out.has_poses:
+                if out is not None and identified.held_out.has_poses:
                     contents[FIGURE] = prediction_png(identified.held_out)
         tell_report(report.lines())
         if identified.held_out is not None:
             tell_report(prediction_lines(identified.held_out))
         shows, written = any(each.is_known for each in identified.numbers), list[Path]()
-        if folder is not None and shows:
+        if out is not None and shows:
             # none of an earlier identification stays beside them
-            with earlier_kept(
-                [folder / name for name in (VEHICLE, NUMBERS, TABLE, FIGURE)]
-            ) as earlier:
+            with earlier_kept(ours) as earlier:
                 written = [
                     write_atomically(folder / name, content)
                     for name, content in contents.items()

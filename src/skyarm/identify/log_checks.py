@@ -8,12 +8,13 @@ import dataclasses
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.own_log import SIMULATED
-from skyarm.flight_data.quantities import GRAVITY, ONE_G, QUANTITIES
+from skyarm.flight_data.quantities import GRAVITY, QUANTITIES
 from skyarm.identify.logged_commands import (
     AIRBORNE,
     SETTLING,
@@ -25,7 +26,7 @@ from skyarm.identify.logged_commands import (
 from skyarm.identify.slow_commands import slow_commands
 from skyarm.log.periods import runs_of
 from skyarm.records.arrays import Array, Mask, lengths
-from skyarm.records.files import one_line
+from skyarm.records.files import one_line, shipped_tables
 from skyarm.records.immutable import immutable
 from skyarm.vehicle import Vehicle
 
@@ -251,27 +252,7 @@ def _missing(flight: FlightData, start: Vehicle) -> Iterator[Found]:
             )
 
 
-UNITS: Mapping[str, tuple[float, float, Mapping[str, float]]] = {
-    "accelerometer": (
-        0.5 * GRAVITY,
-        2.0 * GRAVITY,
-        {"g": 1.0 / ONE_G, "mg": 1e3 / ONE_G, "cm/s^2": 1e2, "mm/s^2": 1e3},
-    ),
-    "voltage": (1.0, 100.0, {"mV": 1e3}),
-    "velocity": (0.0, 100.0, {"mm/s": 1e3, "cm/s": 1e2}),
-    "joint_positions": (0.0, 4.0 * math.pi, {"degrees": 180.0 / math.pi}),
-    "joint_commands": (0.0, 4.0 * math.pi, {"degrees": 180.0 / math.pi}),
-    "rotor_commands": (
-        0.0,
-        1.05,
-        {
-            "percent": 1e2,
-            "a byte": 255.0,
-            "a pulse width from 1000 to 2000 us": 2e3,
-            "a word of 16 bit": 65535.0,
-        },
-    ),
-}
+UNITS: Mapping[str, Mapping[str, Any]] = shipped_tables(__file__)
 """Channel -> plausible range of its median size in SI units, and other units with their
 size in SI."""
 
@@ -285,7 +266,8 @@ def _sizes(flight: FlightData, start: Vehicle) -> Iterator[Found]:
     damage.
     """
     turns = [joint.turns for joint in start.joints]
-    for name, (low, high, units) in UNITS.items():
+    for name, usual in UNITS.items():
+        low, high = usual["low"], usual["high"]
         if name not in flight or (name == "rotor_commands" and COMMANDS[1] in flight):
             continue
         values = np.abs(flight[name].values)
@@ -303,7 +285,7 @@ def _sizes(flight: FlightData, start: Vehicle) -> Iterator[Found]:
         least = LEAST_SHARE if name == COMMANDS[0] else low
         fitting = [
             unit
-            for unit, factor in units.items()
+            for unit, factor in usual["units"].items()
             if least * factor <= size <= high * factor
         ]
         looks = f"it looks like {' or '.join(fitting)}" if fitting else "no unit fits"

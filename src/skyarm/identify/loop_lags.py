@@ -68,6 +68,9 @@ class Estimated:
         )
 
 
+UNKNOWN = Estimated(value=math.nan, low=math.nan, high=math.nan)
+
+
 @immutable
 class Lag:
     """Identified command delay and time constants of the rotors or of one joint drive.
@@ -86,11 +89,11 @@ class Lag:
     """
 
     name: str
-    together: Estimated
-    delay: Estimated
-    up: Estimated
-    down: Estimated
-    explained: float
+    together: Estimated = UNKNOWN
+    delay: Estimated = UNKNOWN
+    up: Estimated = UNKNOWN
+    down: Estimated = UNKNOWN
+    explained: float = 0.0
     factor: tuple[float, float] = (math.nan, math.nan)
     reason: str = ""
     apart: bool = True
@@ -220,17 +223,7 @@ def loop_lags(log: Log, vehicle: Vehicle, gravity: float = GRAVITY) -> LoopLags:
 
     def lag(name: str) -> Lag:
         if fitted is None or name not in searched:
-            none = Estimated(value=math.nan, low=math.nan, high=math.nan)
-            reason = "the commands hardly change"
-            return Lag(
-                name=name,
-                together=none,
-                delay=none,
-                up=none,
-                down=none,
-                explained=0.0,
-                reason=reason,
-            )
+            return Lag(name=name, reason="the commands hardly change")
         errors, fit = fitted
         return _lag(name, searched[name], errors, fit, period)
 

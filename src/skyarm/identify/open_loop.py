@@ -290,9 +290,8 @@ class OpenLoopPredictor:
             measured_states(flight, clock, about, vehicle.n)
             for flight, clock in zip(flights, clocked, strict=True)
         ]
-        measured, known, motions = zip(*every, strict=True)
-        self.measured = join_arrays(measured, np.concatenate)
-        self.known = join_arrays(known, np.concatenate)
+        self.measured = join_arrays([each[0] for each in every], np.concatenate)
+        self.known = join_arrays([each[1] for each in every], np.concatenate)
         shares = thrusts or [about.thrust] * len(clocked)
         thrust = {
             f"{THRUST}{each.name}": share
@@ -307,7 +306,7 @@ class OpenLoopPredictor:
             still,
             still,
             gravity,
-            given=np.concatenate(motions, axis=1),
+            given=np.concatenate([each[2] for each in every], axis=1),
         )
         self.averaged = int(self._errors.averaged.max())
 

@@ -246,9 +246,8 @@ def _by_geometry(identified: Identified, start: Vehicle) -> Iterator[Found]:
     """
     arm = max(math.hypot(*map(float, each.position)) for each in start.rotors)
     numbers = {each.name: each for each in identified.numbers if each.is_known}
-    for name in (name for name in numbers if name.startswith("base.com.")):
-        each = numbers[name]
-        off = abs(numbers[name].value - numbers[name].start)
+    for each in (numbers[name] for name in numbers if name.startswith("base.com.")):
+        off = abs(each.value - each.start)
         # an interval that holds the start says nothing against it
         if off > ASIDE * arm and not each.low <= each.start <= each.high:
             finding = (

@@ -15,14 +15,14 @@ from itertools import combinations
 
 import numpy as np
 
-from skyarm.algebra import Motion, Quaternion, Vec3
-from skyarm.dynamics import center_of_mass, inverse_dynamics
+from skyarm.algebra import Motion, Vec3
+from skyarm.dynamics import inverse_dynamics
 from skyarm.dynamics.actuators.drive import friction
 from skyarm.dynamics.actuators.mixer import allocation_matrix
 from skyarm.dynamics.actuators.motion_demand import attitude
 from skyarm.dynamics.actuators.rotor import speed_of_push
+from skyarm.dynamics.array_front import center_of_mass
 from skyarm.dynamics.kinematics import link_poses
-from skyarm.dynamics.state import State
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.flight_data.series import columns_at
@@ -133,20 +133,11 @@ def required_flight(vehicle: Vehicle, motion: Array, period: float) -> RequiredF
         period: s, between its instants.
     """
     value, first, second = motion
-    n = vehicle.n
     size = motion.shape[2]
     q, qd, qdd = (tuple(each[BASE_AXES:]) for each in (value, first, second))
-    zero, one = np.zeros(size), np.ones(size)
-    still = State(
-        position=Vec3(zero, zero, zero),
-        quaternion=Quaternion(one, zero, zero, zero),
-        velocity=Vec3(zero, zero, zero),
-        rate=Vec3(zero, zero, zero),
-        joints=q,
-        joint_rates=tuple(zero for _ in range(n)),
-    )
-    # in the order of memory in which einsum sums as over a row
-    com = np.ascontiguousarray(stack_values(size, center_of_mass(vehicle, still)).T)
+    joints = value[BASE_AXES:].T
+    # of the base at the origin and level, thus in its axes
+    com = center_of_mass(vehicle, np.zeros(3), [1.0, 0.0, 0.0, 0.0], joints)
     linear = second[:3].T + np.array([0.0, 0.0, GRAVITY])
     needed = linear
     for _ in range(TURNS):
@@ -184,7 +175,7 @@ def required_flight(vehicle: Vehicle, motion: Array, period: float) -> RequiredF
             ),
         ).T,
         shares=shares,
-        joints=value[BASE_AXES:].T,
+        joints=joints,
         joint_rates=first[BASE_AXES:].T,
         efforts=(stack_values(size, torques) + stack_values(size, resisting)).T,
     )

@@ -16,6 +16,7 @@ from itertools import pairwise
 
 from skyarm.algebra import Mat3, Scalar, Sym3
 from skyarm.dynamics import mass_matrix
+from skyarm.dynamics.actuators.rotor import push
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.records.files import must_be_one_of, number
@@ -455,12 +456,10 @@ def _thrust_rises(rotor: Rotor) -> list[float]:
             "rotors.max_speed = inf: must be finite, the speed of the full signal, for"
             " a thrust curve"
         )
-    speeds = [share * float(rotor.max_speed) for share in KNOTS]
-    pushes = [
-        speed**2 if rotor.table is None else float(rotor.table.push(speed))
-        for speed in speeds
+    thrusts = [
+        float(rotor.thrust_coefficient * push(rotor, share * float(rotor.max_speed)))
+        for share in KNOTS
     ]
-    thrusts = [float(rotor.thrust_coefficient) * each for each in pushes]
     return [thrusts[0], *(b - a for a, b in pairwise(thrusts))]
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skyarm.algebra import Quaternion, Scalar, Vec3
+from skyarm.algebra import Quaternion, Scalar, Vec3, sums
 from skyarm.compile.llvm.shared_steps import cores
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.state import State
@@ -148,10 +148,8 @@ def turn_attitudes(attitude: Array, turn: Array) -> Array:
     axes.
     """
     # first order of the half angle, which normalising makes exact to the second
-    half = np.concatenate([np.ones((*turn.shape[:-1], 1)), 0.5 * turn], axis=-1)
-    rows = Quaternion(*np.moveaxis(attitude, -1, 0)) * Quaternion(
-        *np.moveaxis(half, -1, 0)
-    )
+    half = Quaternion(1.0, *np.moveaxis(0.5 * turn, -1, 0))
+    rows = Quaternion(*np.moveaxis(attitude, -1, 0)) * half
     return np.asarray(np.stack(list(rows.normalized()), axis=-1))
 
 
@@ -319,12 +317,7 @@ class WindowErrors:
                     at.rate.cross(place)
                 )
 
-            middle = Quaternion(
-                *(
-                    a + b
-                    for a, b in zip(before.quaternion, after.quaternion, strict=True)
-                )
-            )
+            middle = Quaternion(*sums([*before.quaternion], [*after.quaternion]))
             # the mean over the step, as a sensor averages; gravity is what the base
             # does not feel
             gained = (velocity(after) - velocity(before)) * (1.0 / step) + Vec3(
@@ -410,7 +403,7 @@ class WindowErrors:
         """Residuals (steps, W, sensor axes) of W windows and their mask, for search
         variables of parameters (P,).
         """
-        there = self.counted()
+        there = self.compared_samples()
         errors = np.zeros(there.shape)
         # what a search tries may fly to infinity
         with np.errstate(over="ignore", invalid="ignore"):
@@ -485,7 +478,7 @@ class WindowErrors:
         directions = self._directions()
         columns = [place for place, _ in directions]
         steps = np.array([step for _, step in directions])[:, None]
-        there = self.counted()
+        there = self.compared_samples()
         errors = np.zeros(there.shape)
         count = windows.count
         m = len(self.rows)
@@ -547,7 +540,7 @@ class WindowErrors:
             ),
         )
 
-    def counted(self) -> Mask:
+    def compared_samples(self) -> Mask:
         """Mask (steps, W, sensor axes) of the samples that are compared."""
         return np.stack([self._counts(name) for name, _ in self.rows], axis=2)
 
@@ -846,8 +839,10 @@ class WindowLanes:
         inputs = self.flights.inputs
 
         def lanes(table: Array, which: IntArray) -> Array:
-            """Values (columns, simulations) at the present step of each window, of
-            commands (sets, steps, columns); without columns (simulations,).
+            """Values (columns, simulations) of commands (sets, steps, columns) at the
+            present step of each window.
+
+            Of commands without columns they are (simulations,).
             """
             return table[:, at][which].reshape(-1, *table.shape[2:]).T
 

@@ -237,11 +237,10 @@ def _require_columns(
     if count != len(start.rotors):
         has = f"vehicle '{start.name}' has {len(start.rotors)}"
         raise ValueError(f"{flight.name}: {speeds.source}: {count} rotors, {has}")
-    for name in (
-        *({"accelerometer"} & {*sensors}),
-        *(["joint_positions"] if start.n else []),
-    ):
-        flight[name]  # raises
+    if "accelerometer" in sensors:
+        flight["accelerometer"]  # raises
+    if start.n:
+        flight["joint_positions"]  # raises
     for name in ("joint_positions", "joint_efforts", "joint_commands"):
         columns = flight[name].values.shape[1] if name in flight else start.n
         if columns != start.n:
@@ -299,12 +298,13 @@ def join_arrays(every: Sequence[Arrays], joining: Callable[[Any], Array]) -> Arr
     ``np.concatenate``.
     """
     kind: Any = type(every[0])
-    return kind(
+    joined: Arrays = kind(
         *(
             joining([getattr(each, field.name) for each in every])
             for field in fields(kind)
         )
     )
+    return joined
 
 
 def held_over(channel: Channel, edges: Array, delay: float, width: float = 0.0) -> Held:
