@@ -177,10 +177,8 @@ def results(
         experiments[case][controller] = {
             name: {
                 "paper": published.get(name),
-                **{plant: found.get(name) for plant, found in stated.items()},
-                "inferred": {
-                    plant: found.get(name) for plant, found in settled.items()
-                },
+                **{plant: each.get(name) for plant, each in stated.items()},
+                "inferred": {plant: each.get(name) for plant, each in settled.items()},
             }
             for name in dict.fromkeys(chain(published, *stated.values()))
         }
