@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from skyarm.paper import flights
 from skyarm.paper.published import (
     PRINTED,
     digits,
@@ -17,6 +18,15 @@ from skyarm.paper.published import (
     rounding,
 )
 from skyarm.paper.report_pages import markdown_tables as markdown
+from skyarm.records.files import shipped_tables
+
+
+def test_every_printed_number_of_a_case_is_measured_in_its_flights() -> None:
+    for case, laws in PRINTED.items():
+        rows = shipped_tables(flights.__file__)["rows"][case]
+        assert len(rows) == len({*rows})
+        for cells in laws.values():
+            assert {*cells} <= {*rows}
 
 
 def test_numbers_have_three_digits_and_missing_ones_a_dash() -> None:

@@ -270,15 +270,12 @@ class EnvLanes:
         # a larger one than 32 bits hold counts as the bound, too
         np.clip(checked.T, -1.0, 1.0, out=buffer)
 
-    def step(self) -> bool:
-        """Simulate one control period of all parallel episodes; return True if an
-        episode has ended.
-        """
+    def step(self) -> None:
+        """Simulate one control period of all parallel episodes."""
         self._stepper.step()
         self._look(self._every)
         np.greater(self.ending, 0.5, out=self.ended)
         np.greater(self._truncated, 0.5, out=self.truncated)
-        return bool(self.ended.any() or self.truncated.any())
 
     def numbers(self) -> dict[str, Array]:
         """Randomised parameters of the running episodes, as a dictionary from parameter

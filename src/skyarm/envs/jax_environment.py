@@ -119,6 +119,7 @@ class JaxEnvironment:
             if count
         ]
         self._start = self._program.trace_start()
+        # behind the observation a step logs reward, truncated and ending
         self.observation_size, self.action_size = loop.logged - 3, self._program.size
         base = zip(self.paths, self._program.base[drawn:], strict=True)
         self.default_params = {

@@ -1,7 +1,7 @@
 """Shipped environments: each a scenario file in this folder with default actions,
 observation and reward.
 
-``registered_environments.toml`` lists them.
+``shipped_tasks.toml`` lists them.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from skyarm.envs.action_kinds import ACTIONS, Actions
 from skyarm.envs.observed_quantities import USUAL, Depth, Observed
-from skyarm.envs.registered_environments import TASKS
 from skyarm.envs.reward_terms import REWARDS, USUAL_REWARD, RewardTerm
+from skyarm.envs.shipped_tasks import TASKS
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import load_scenario

@@ -10,7 +10,8 @@ import warnings
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from skyarm.records.files import must_be_one_of, needs_extra, shipped_tables, shown
+from skyarm.envs.shipped_tasks import TASKS
+from skyarm.records.files import must_be_one_of, needs_extra, shown
 
 try:
     import gymnasium
@@ -24,10 +25,6 @@ VECTOR = "skyarm.envs.vector_environment:VectorEnvironment"
 SHIPPED_TASKS = "skyarm.envs.named_tasks"
 
 ANY_SCENARIO = "skyarm/Scenario-v0"
-
-TASKS = shipped_tables(__file__)
-"""Tables of the shipped environments by name, of which
-:data:`skyarm.envs.named_tasks.NAMED` makes records."""
 
 
 def register() -> None:

@@ -148,25 +148,18 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         if not self._begun:
             raise ScenarioError("step: must come after reset()")
         lanes.act(actions)
-        infos: Info = {}
-        if not over.size:
-            ending = lanes.step()
-        else:
+        lanes.step()
+        if over.size:
             # all lanes step; what those did that were over is replaced by a beginning
-            lanes.step()
             lanes.begin(over)
-            ending = bool(lanes.ended.any() or lanes.truncated.any())
         rewards = lanes.reward.copy()
         ended, truncated = lanes.ended.copy(), lanes.truncated.copy()
-        if ending:
-            self._over = np.flatnonzero(ended | truncated)
-            infos = self._infos(ended)
-            if self._mode is AutoresetMode.SAME_STEP:
-                infos = self._final(infos)
-                lanes.begin(self._over)
-                self._over = self._over[:0]
-        elif over.size:
-            self._over = over[:0]
+        self._over = np.flatnonzero(ended | truncated)
+        infos = self._infos(ended) if self._over.size else {}
+        if self._over.size and self._mode is AutoresetMode.SAME_STEP:
+            infos = self._final(infos)
+            lanes.begin(self._over)
+            self._over = self._over[:0]
         return self._observe(), rewards, ended, truncated, infos
 
     def close_extras(self, **_: object) -> None:

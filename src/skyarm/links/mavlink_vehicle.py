@@ -207,6 +207,7 @@ class MavlinkVehicle:
     def request_outside(self) -> None:
         """Request the autopilot's mode that takes external set points."""
         assert self.modes is not None
+        # 1: the numbers are those of the autopilot's own modes (a flag of MAVLink)
         self.command(SET_MODE, 1, *self.modes.outside)
 
     def request_hold(self) -> None:

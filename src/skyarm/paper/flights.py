@@ -113,33 +113,27 @@ def metrics(case: str, log: Log, holds: tuple[Window, ...] = HOLDS) -> Metrics:
     Null where a metric is not defined; all are null for an episode that ended early,
     whose windows are cut.
     """
-    named = _metrics_by_name(case)
-    twins = {
-        suffix: {name: _with_suffix(metric, suffix) for name, metric in named.items()}
+    measured = {
+        name + suffix: _with_suffix(metric, suffix)
         for suffix in ("", CONTINUOUS)
+        for name, metric in _metrics_by_name(case).items()
     }
-    every = chain.from_iterable(each.values() for each in twins.values())
     # a settling time is counted over the whole flight: it is computed by itself below
-    names = dict.fromkeys(m for m in every if not m.startswith("settling_time"))
+    names = [m for m in measured.values() if not m.startswith("settling_time")]
     windows = Windows(
         steady=WINDOWS[case], transient=TRANSIENT, gust=GUST, hover=HOVER, holds=holds
     )
-    scored = score(log, tuple(names), windows)
-    if "settling_time" in named.values():
+    scored = score(log, [*dict.fromkeys(names)], windows)
+    if "settling_time" in measured.values():
         scored |= {
             f"settling_time{s}": settling_time(log, STEADY, continuous=bool(s))
-            for s in twins
+            for s in ("", CONTINUOUS)
         }
-    numbers = {
-        name + suffix: scored[metric]
-        for suffix, each in twins.items()
-        for name, metric in each.items()
-    }
     # means over cut windows would not compare with those of whole flights
     whole = log.status == "completed"
     return {
-        name: value if whole and math.isfinite(value) else None
-        for name, value in numbers.items()
+        name: scored[metric] if whole and math.isfinite(scored[metric]) else None
+        for name, metric in measured.items()
     }
 
 
@@ -183,10 +177,8 @@ def results(
         experiments[case][controller] = {
             name: {
                 "paper": published.get(name),
-                **{plant: found.get(name) for plant, found in stated.items()},
-                "inferred": {
-                    plant: found.get(name) for plant, found in settled.items()
-                },
+                **{plant: each.get(name) for plant, each in stated.items()},
+                "inferred": {plant: each.get(name) for plant, each in settled.items()},
             }
             for name in dict.fromkeys(chain(published, *stated.values()))
         }

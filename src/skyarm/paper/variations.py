@@ -14,6 +14,7 @@ from skyarm.paper.flights import STATED, with_damping
 from skyarm.paper.published import CASES
 from skyarm.records.immutable import immutable
 from skyarm.reference import sequence
+from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Delays, Scenario
 
 DAMPINGS = (0.0, 0.001, 0.005, 0.02, 0.05)
@@ -87,13 +88,8 @@ def damped_first_joint(planned: Scenario) -> Scenario:
     """Scenario with damping of 0.05 N m s/rad on joint 1 only, as its published torques
     suggest.
     """
-    truth = planned.agent.vehicle
     # the largest of the dampings that are tried
-    first = replace(
-        truth.links[0], joint=replace(truth.links[0].joint, damping=DAMPINGS[-1])
-    )
-    vehicle = replace(truth, links=(first, *truth.links[1:]))
-    return planned.with_plant(replace(planned.agent.plant, vehicle=vehicle))
+    return with_numbers(planned, {"plant.vehicle.links.0.joint.damping": DAMPINGS[-1]})
 
 
 def delay_commands(planned: Scenario) -> Scenario:

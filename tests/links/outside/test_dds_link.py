@@ -25,9 +25,9 @@ from skyarm.links.outside.dds_link import DdsLink, parse_domain
 from skyarm.links.outside.offboard import OffboardFlight, OffboardSettings
 from skyarm.links.outside.offboard_link import OffboardError
 from skyarm.links.outside.outside_law import MotorSettings, require_full_thrust
-from skyarm.links.outside.px4_topics import DEFINITIONS
+from skyarm.links.outside.px4_topics import DEFINITIONS, OUT
 from skyarm.links.ros.ros2_node import CONFIGURATION, LOOPBACK_ONLY
-from skyarm.log.ros.message_bytes import decode
+from skyarm.log.ros.message_bytes import decode, encode
 from skyarm.records.coerce import RecordError
 from support.commands import skyarm
 
@@ -172,6 +172,32 @@ def test_bytes_that_are_no_message_are_counted(monkeypatch):
         assert (link.state, link.title) == (None, "")
     finally:
         link.close()
+
+
+def test_an_estimate_carries_the_force_that_arrives_with_it(monkeypatch):
+    """The accelerometer is read first; its axes are forward, right, down."""
+    sent = {
+        "/fmu/out/sensor_combined": {"accelerometer_m_s2": (1.0, 2.0, -9.8)},
+        "/fmu/out/vehicle_odometry": {
+            "timestamp_sample": 5,
+            "pose_frame": 1,
+            "velocity_frame": 1,
+            "q": (1.0, 0.0, 0.0, 0.0),
+        },
+    }
+
+    def take(self, topic):
+        if topic not in sent:
+            return []
+        return [encode(OUT[topic], DEFINITIONS, sent[topic], 1)[0].tobytes()]
+
+    link = DdsLink(f"dds://{DOMAIN}")
+    try:
+        monkeypatch.setattr(type(link._node), "take", take)
+        link.wait(0.0)
+    finally:
+        link.close()
+    assert tuple(link.state.specific_force) == pytest.approx((1.0, -2.0, 9.8))
 
 
 def test_rotors_without_a_highest_speed_have_no_share(scenario):

@@ -270,6 +270,7 @@ class ArduPilotLink(ProgramLink):
                 str(_free_port()),
                 "--serial0",
                 f"tcpclient:127.0.0.1:{listener.getsockname()[1]}",
+                # else it opens TCP ports 5762 and 5763, too
                 "--serial1",
                 (
                     f"udpclient:127.0.0.1:{ONBOARD_PORT}"

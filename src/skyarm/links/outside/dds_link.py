@@ -187,6 +187,7 @@ class DdsLink(Estimates):
         self._send(
             COMMAND,
             timestamp=self._stamp(),
+            # the numbers are those of PX4's own modes (a flag of MAVLink)
             param1=1.0,
             param2=float(main),
             param3=float(sub),
