@@ -28,10 +28,10 @@ from skyarm.records.immutable import immutable
 
 LARGEST_ERROR = 0.5
 """Largest mean error (m) at the end of a flight; a base or tip beyond it has not
-tracked its reference."""
+tracked its reference. Comparisons count a flight as lost by the same number."""
 
 TILTED = np.radians(80.0)
-"""Tilt (rad) above which a flight counts as lost."""
+"""Tilt (rad) above which comparisons and checks count a flight as lost."""
 
 LARGEST_TURN = 0.2
 """Largest mean error (rad) of the heading at the end of a flight, the shorter way
