@@ -94,6 +94,8 @@ def _rows(table: str) -> dict[str, Measure]:
     return {name: _measure(*row) for name, row in _TABLES[table].items()}
 
 
+TRACKING = _rows("tracking")
+
 GUST = _rows("gust")
 
 PAPER = _rows("paper")
@@ -120,7 +122,7 @@ GRASPS = _rows("grasps")
 TEAMS = _rows("teams")
 """Metrics of the body that a team carries."""
 
-REFERRED = _rows("tracking") | GUST | PAPER
+REFERRED = TRACKING | GUST | PAPER
 """Metrics against the reference, which exist twice."""
 
 EFFORTS = "efforts"
