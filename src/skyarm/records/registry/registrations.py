@@ -164,6 +164,12 @@ def registrations(kind: str) -> Mapping[str, Registration]:
     return _ready()[kind]
 
 
+def own_registrations() -> Iterator[Registration]:
+    """Registry entries of all kinds that do not ship with the library."""
+    for rows in _ready().values():
+        yield from (row for row in rows.values() if row.source != SHIPPED)
+
+
 def names(kind: str, *, shipped: bool = True) -> tuple[str, ...]:
     """Registered names of a kind; without those that the library ships unless
     ``shipped``.
