@@ -24,7 +24,7 @@ from skyarm.log.metrics.windows import Windows, windows_of
 from skyarm.log.periods import contact_pairs, points_at_tip, runs_of
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.arrays import lengths
-from skyarm.records.immutable import immutable, positional
+from skyarm.records.immutable import positional
 
 LARGEST_ERROR = 0.5
 """Largest mean error (m) at the end of a flight; a base or tip beyond it has not
@@ -100,7 +100,7 @@ class Unreached:
         return f"not reached: {self.words}"
 
 
-@immutable
+@positional
 class Shortfall:
     """Actuator saturation and missed references of a flight.
 
@@ -127,11 +127,11 @@ class Shortfall:
 def shortfall(log: Log) -> Shortfall:
     """Find saturated actuators and missed references in a log."""
     if not log.time.size:
-        return Shortfall(saturation=None, unreached=())
+        return Shortfall(None, ())
     desired, pushing = _desired_force(log)
     return Shortfall(
-        saturation=_saturation(log),
-        unreached=(
+        _saturation(log),
+        (
             *_missed_motion(log, pushing),
             *_missed_forces(log, desired),
             *_missed_phases(log),
