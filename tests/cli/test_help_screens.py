@@ -6,10 +6,13 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import get_args
 
 import pytest
+import typer
 
 from skyarm.cli.commands import COMMANDS
+from skyarm.cli.output import parameters_of
 from skyarm.records.registry.shipped import SECTIONS
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from support.commands import skyarm
@@ -76,6 +79,33 @@ def test_the_help_speaks_the_words_of_the_page(command: str) -> None:
             [name, *([value] if value else []), *cells["meaning"].split()]
         ).replace("\\|", "|")
         assert line.partition(" [default")[0] in words, shown
+
+
+def test_rows_of_a_docstring_are_the_help_of_its_parameters() -> None:
+    def own(
+        flight: str,
+        speed: float = 1.0,
+        film: bool = False,
+        older: int = typer.Option(3, help="its own"),
+    ) -> None:
+        """Fly.
+
+        Options:
+            flight FILE: the log, of
+                one flight
+            speed: m/s
+            film: it is drawn
+            older: other words
+        """
+
+    kinds = {each.name: each.annotation for each in parameters_of(own)}
+    assert kinds.pop("older") is int
+    stated = {name: get_args(kind)[1] for name, kind in kinds.items()}
+    assert [(each.metavar, each.help) for each in stated.values()] == [
+        ("FILE", "the log, of one flight"),
+        (None, "m/s"),
+        (None, "it is drawn"),
+    ]
 
 
 @pytest.mark.parametrize(

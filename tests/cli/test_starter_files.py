@@ -88,7 +88,7 @@ def test_pytest_passes_on_all_that_was_written(written):
 
 
 def test_the_test_sees_a_vehicle_that_cannot_fly(written, tmp_path):
-    for _, name in KINDS["vehicle"]:
+    for name in KINDS["vehicle"].values():
         text = (written / name.replace("NAME", "my_vehicle")).read_text("utf-8")
         heavy = text.replace("mass = 1.28 ", "mass = 1280.0 ")
         (tmp_path / name.replace("NAME", "my_vehicle")).write_text(heavy, "utf-8")

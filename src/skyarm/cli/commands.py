@@ -36,9 +36,9 @@ from skyarm.cli.lines import (
 from skyarm.cli.output import console, with_output_options
 from skyarm.records.files import shown
 from skyarm.records.files.own_inputs import inputs_kept
-from skyarm.records.files.user_code import is_deliberate
+from skyarm.records.files.user_code import is_deliberate, own_failure
 from skyarm.records.registry import Registration, load_plugin, registrations
-from skyarm.records.registry.plugins import register_law_of_file
+from skyarm.records.registry.plugins import loaded_plugins, register_law_of_file
 from skyarm.records.registry.registrations import SHIPPED
 from skyarm.records.registry.shipped import SECTIONS
 
@@ -427,8 +427,5 @@ def _in_users_code(error: BaseException) -> str:
     """One-line message with file and line for an error in user code; empty for any
     other error.
     """
-    from skyarm.records.files.user_code import own_failure
-    from skyarm.records.registry.plugins import loaded_plugins
-
     # a user's code comes by plugins and by files of laws only
     return own_failure(error) if loaded_plugins() else ""

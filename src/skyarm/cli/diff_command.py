@@ -82,10 +82,7 @@ def diff(
     )
     laws = [
         " and ".join(
-            {
-                str(own.info.get("controller", "")): None
-                for own in _by_prefix(log).values()
-            }
+            {str(own.info.get("controller", "")): None for own in log.agents.values()}
         )
         for log in logs
     ]
@@ -117,17 +114,13 @@ def _by_prefix(log: Log) -> dict[str, Log]:
 
 def _metrics(log: Log) -> dict[str, float]:
     """Compute metrics of a log; empty for a log without instants."""
+    if not log.time.size:
+        return {}
     metrics = ("standard", f"standard{CONTINUOUS}", *SHORT)
-    scores = {
-        before: score(own, metrics)
-        for before, own in _by_prefix(log).items()
-        # a log without instants has no metrics
-        if log.time.size
-    }
     return {
         before + name: value
-        for before, own in scores.items()
-        for name, value in own.items()
+        for before, own in _by_prefix(log).items()
+        for name, value in score(own, metrics).items()
     }
 
 

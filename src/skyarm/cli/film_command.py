@@ -23,7 +23,7 @@ from skyarm.log.flight_log import Log
 from skyarm.log.formats import load_log
 from skyarm.records.files import output_file, require_file, shown, taken_back
 from skyarm.records.files.own_inputs import require_no_input
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.simulate import run
 from skyarm.view.figures.flight_facts import flight_labels
@@ -159,7 +159,7 @@ def _require_renderer(*, recorded: bool) -> None:
             pass
 
 
-@immutable
+@positional
 class _Flight:
     """Flight of a film: its word of the command line, label, log or scenario, and law.
 
@@ -187,12 +187,7 @@ def _flights_of(flights: Sequence[str], names: Sequence[str]) -> list[_Flight]:
             # without names the scenario flies its own controller
             laws: Sequence[str | None] = names or [None]
             asked += [
-                _Flight(
-                    word=word,
-                    label=f"{label}, {law}" if several else label,
-                    name=name,
-                    law=law,
-                )
+                _Flight(word, f"{label}, {law}" if several else label, name, law)
                 for law in laws
             ]
         elif names:
@@ -202,7 +197,7 @@ def _flights_of(flights: Sequence[str], names: Sequence[str]) -> list[_Flight]:
             )
         else:
             require_file(name, f"flight = {shown(name)}")
-            asked.append(_Flight(word=word, label=label, name=name, law=None))
+            asked.append(_Flight(word, label, name, None))
     return asked
 
 

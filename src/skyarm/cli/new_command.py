@@ -6,6 +6,7 @@ import keyword
 import re
 import shlex
 import sys
+from collections.abc import Mapping
 from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
@@ -18,6 +19,7 @@ from skyarm.cli.output import give, tell
 from skyarm.records.files import (
     must_be_one_of,
     require_writable,
+    shipped_tables,
     shown,
     write_atomically,
 )
@@ -30,32 +32,10 @@ from skyarm.vehicle.own_file import bare_multirotor, own_vehicle_file
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
 
-KINDS: dict[str, tuple[tuple[str, str], ...]] = {
-    "vehicle": (
-        ("vehicle.toml.txt", "NAME.toml"),
-        ("hover.toml.txt", "NAME_hover.toml"),
-        ("vehicle_test.py.txt", "test_NAME.py"),
-    ),
-    "scenario": (
-        ("scenario.toml.txt", "NAME.toml"),
-        ("scenario_test.py.txt", "test_NAME.py"),
-    ),
-    "law": (("law.py.txt", "NAME.py"), ("law_test.py.txt", "test_NAME.py")),
-    "study": (("study.toml.txt", "NAME.toml"), ("study_test.py.txt", "test_NAME.py")),
-}
-"""Kind -> (shipped file, written file)."""
+_TABLES = shipped_tables(__file__)
 
-OWN = (("own_hover.toml.txt", "NAME_hover.toml"), ("own_test.py.txt", "test_NAME.py"))
-"""Files beside the vehicle of another program's file."""
-
-FIRST = {
-    "vehicle": "skyarm run {file}_hover.toml",
-    "unfinished": "skyarm check {file}.toml",
-    "scenario": "skyarm run {file}.toml",
-    "law": "skyarm run case3 --laws {file}.py:make",
-    "study": "skyarm sweep {file}.toml --out out/{name}",
-}
-"""Kind -> command that flies the new files."""
+KINDS: Mapping[str, Mapping[str, str]] = _TABLES["kinds"]
+"""Kind -> shipped file -> written file."""
 
 
 def new(
@@ -107,7 +87,7 @@ def new(
     files = write_starter(kind, name, out, force=force, own=own, flies=flies)
     # the check of a few poses suffices for the next command
     fails = bool(own and flies) and not assess(files[0], poses=64).flies
-    first = FIRST[kind if flies and not fails else "unfinished"]
+    first = _TABLES["first"][kind if flies and not fails else "unfinished"]
     first = shlex.join(
         word.format(file=Path(out, name), name=name) for word in first.split()
     )
@@ -164,8 +144,8 @@ def write_starter(
     shipped = KINDS[kind]
     if own:
         # a vehicle with gaps does not fly, so neither scenario nor test would run
-        shipped = OWN if flies else ()
-    for ships, written in shipped:
+        shipped = _TABLES["own"] if flies else {}
+    for ships, written in shipped.items():
         text = (starters / ships).read_text("utf-8")
         texts[Path(folder, written.replace("NAME", name))] = text.replace("NAME", name)
     require_writable(folder)

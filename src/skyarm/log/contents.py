@@ -8,7 +8,7 @@ import numpy as np
 
 from skyarm.log.flight_log import IF_ANY, Log, log_of_arrays
 from skyarm.log.flown_scenario import Info
-from skyarm.log.log_columns import COLUMNS, layout
+from skyarm.log.log_columns import group_of, layout
 from skyarm.log.sensor_data import COMPONENTS, sources_of
 from skyarm.log.team_log import SHARED, WITHIN, TeamLog
 from skyarm.records.arrays import AnyArray
@@ -105,8 +105,7 @@ def log_of(content: Mapping[str, AnyArray], info: Plain) -> Log:
             # as many columns as the law or the flight has of them
             width = array.shape[1:2]
         else:
-            group = COLUMNS.get(name, ("", ""))[1]
-            width = widths.get(group, (4,) if name == "quaternion" else (3,))
+            width = widths.get(group_of(name), (4,) if name == "quaternion" else (3,))
         if (
             len(count) != 1
             or array.shape != (*count, *width)

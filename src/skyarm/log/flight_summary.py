@@ -74,7 +74,7 @@ def facts(log: Log) -> Facts:
         return (
             _description(info, "scenario")
             | {"agents": {name: facts(each) for name, each in log.agents.items()}}
-            | _filled(grasp_forces=forces, carried=carried)
+            | _without_empty(grasp_forces=forces, carried=carried)
         )
     values = _description(info, "scenario", "controller")
     values["vehicle"] = info["plant_vehicle"]
@@ -109,7 +109,7 @@ def facts(log: Log) -> Facts:
     found = log.lag_found[np.isfinite(log.lag_found).all(axis=1)]
     if found.size:
         values["lag_found_s"] = found[-1]
-    values |= _filled(contacts=_contacts(log), mechanisms=_mechanisms(log))
+    values |= _without_empty(contacts=_contacts(log), mechanisms=_mechanisms(log))
     if log.component("gripper_taken").size:
         values["grasps"] = [asdict(each) for each in log.grasp_periods]
     if log.phase.size:
@@ -138,7 +138,7 @@ def _description(info: Info, *first: str) -> Facts:
     return values | {"cause": info["cause"] or None}
 
 
-def _filled(**facts: Any) -> Facts:
+def _without_empty(**facts: Any) -> Facts:
     """Facts by name, without those that are empty."""
     return {name: each for name, each in facts.items() if each}
 

@@ -44,6 +44,12 @@ COLUMNS: dict[str, tuple[str, str]] = {
 """Array -> prefix of its columns, and the :class:`Names` of their suffixes; all others
 end in axes or nothing."""
 
+
+def group_of(array: str) -> str:
+    """Field of :class:`Names` with the names of an array's columns; empty for axes."""
+    return COLUMNS.get(array, ("", ""))[1]
+
+
 KINDS_OF_NAMES = {"joints": "joint", "rotors": "rotor", "tilting": "rotor"}
 """Kind of user-chosen names -> word that a column does not repeat."""
 
@@ -187,7 +193,7 @@ def columns(log: FlightArrays) -> tuple[LogColumn, ...]:
     listed = list[LogColumn]()
     for array, unit in units(type(log)).items():
         width = log[array].shape[1:]
-        kinds = names.kinds if COLUMNS.get(array, ("", ""))[1] == "joints" else ()
+        kinds = names.kinds if group_of(array) == "joints" else ()
         for index, name in enumerate(
             _endings(array, width[0] if width else None, names)
         ):
@@ -244,7 +250,7 @@ def _sensor_columns(log: FlightArrays, names: Names) -> Iterator[LogColumn]:
     for source, described in sources_of(log.info).items():
         begin = "" if source == COMPONENTS else f"{word(source.rpartition('.')[2])}_"
         for name, each in described.fields.items():
-            array, group = f"{source}.{name}", COLUMNS.get(name, ("", ""))[1]
+            array, group = f"{source}.{name}", group_of(name)
             if array not in arrays:
                 continue
             if each.axes is None:

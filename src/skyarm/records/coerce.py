@@ -374,7 +374,8 @@ def proper_rotation(field: str, value: object) -> Mat3:
     if not concrete(*entries):
         return rotation
     skew = _skew(rows)
-    # not <=, so that NaN is refused as well
+    # entries that are off by TOLERANCE move R^T R by up to 2 sqrt(3) times as much; not
+    # <=, so that NaN is refused as well
     if (
         not skew <= 10.0 * TOLERANCE
         # a reflection is orthogonal, too

@@ -162,12 +162,10 @@ def _function(data: Table, plugins: Mapping[str, str], where: str) -> object:
 
 def _partial(data: Table, plugins: Mapping[str, str], where: str) -> object:
     function, arguments, keywords = (
-        _restore(data[part], plugins, where) for part in _PARTS
+        _restore(data[part], plugins, where)
+        for part in ("function", "arguments", "keywords")
     )
     return functools.partial(function, *arguments, **keywords)
-
-
-_PARTS = ("function", "arguments", "keywords")
 
 
 def _array(data: Table, plugins: Mapping[str, str], where: str) -> object:

@@ -19,12 +19,7 @@ from skyarm.records.registry.plugins import (
     loaded_plugins,
     sources_of_plugins,
 )
-from skyarm.records.registry.registrations import (
-    KINDS,
-    SHIPPED,
-    registrations,
-    take_over,
-)
+from skyarm.records.registry.registrations import own_registrations, take_over
 
 
 def pack(value: object) -> bytes:
@@ -146,16 +141,14 @@ def luggage() -> bytes:
 
     The other process may run on another machine, which sees none of the files.
     """
-    return pack((sources_of_plugins(), loaded_plugins(), [*_own_registrations()]))
+    return pack((sources_of_plugins(), loaded_plugins(), [*_packed_registrations()]))
 
 
-def _own_registrations() -> Iterator[bytes]:
-    for kind in KINDS:
-        for row in registrations(kind).values():
-            # one that cannot travel is missed only by what uses it, and is named then
-            if row.source != SHIPPED:
-                with suppress(ValueError):
-                    yield pack(row)
+def _packed_registrations() -> Iterator[bytes]:
+    for row in own_registrations():
+        # one that cannot travel is missed only by what uses it, and is named then
+        with suppress(ValueError):
+            yield pack(row)
 
 
 def unload(content: bytes) -> None:

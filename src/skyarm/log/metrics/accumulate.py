@@ -32,6 +32,8 @@ from skyarm.records.registry import RegistryError, find
 from skyarm.records.registry.contract import class_mistake, refuse_mistake
 
 HUGE = 1e300
+"""Start of an extreme or a last value, beyond every number of a flight: a result of
+this size is that of a quantity which the flight lacks."""
 
 CONTINUOUS = "_continuous"
 """Suffix of metrics against the continuous reference; without it, against the held

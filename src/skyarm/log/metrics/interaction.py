@@ -127,7 +127,8 @@ class PushTotals(Metric):
 def _tangential_error(now: MetricInstant, normal: Scalars) -> Scalar:
     """Distance of the tip from its reference parallel to the nominal surface, m."""
     away, across = now.tool - now.held.tool, Vec3(*normal)
-    return (away - across * away.dot(across)).norm()
+    apart: Scalar = (away - across * away.dot(across)).norm()
+    return apart
 
 
 @immutable

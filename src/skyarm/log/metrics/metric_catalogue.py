@@ -94,6 +94,8 @@ def _rows(table: str) -> dict[str, Measure]:
     return {name: _measure(*row) for name, row in _TABLES[table].items()}
 
 
+TRACKING = _rows("tracking")
+
 GUST = _rows("gust")
 
 PAPER = _rows("paper")
@@ -120,52 +122,20 @@ GRASPS = _rows("grasps")
 TEAMS = _rows("teams")
 """Metrics of the body that a team carries."""
 
-REFERRED = _rows("tracking") | GUST | PAPER
+REFERRED = TRACKING | GUST | PAPER
 """Metrics against the reference, which exist twice."""
-
-STANDARD = (
-    "position_error_mean",
-    "position_error_max",
-    "position_min",
-    "joint_error_mean",
-    "joint_error_max",
-    "ee_error_mean",
-    "ee_error_max",
-    "pitch_mean",
-    "pitch_rms",
-    "pitch_ripple",
-    "roll_rms",
-    "peak_pitch",
-    "peak_position",
-    "iae_position",
-    "iae_joint",
-    "efforts",
-)
 
 EFFORTS = "efforts"
 """Name for the torques of all joints, alone and in groups."""
 
-GROUPS: Mapping[str, tuple[str, ...]] = {
-    "standard": STANDARD,
+_LISTED: Mapping[str, list[str]] = _TABLES["groups"]
+
+GROUPS: Mapping[str, Sequence[str]] = {
+    "standard": _LISTED["standard"],
     "gust": (*GUST, "gust_pitch_rms", "gust_peak_pitch"),
-    "wind": (
-        "position_min",
-        "position_max",
-        "position_ripple",
-        "pitch_mean",
-        "pitch_ripple",
-    ),
+    "wind": _LISTED["wind"],
     "paper": (*PAPER, "hover_offset"),
-    "effort": (
-        "efforts",
-        "rotor_jitter",
-        "rotor_saturation",
-        "joint_saturation",
-        "rate_rms",
-        "tilt_rms",
-        "tilt_max",
-        "altitude_error_max",
-    ),
+    "effort": _LISTED["effort"],
     "contact": tuple(INTERACTION),
     "team": tuple(TEAMS),
     "all": (*REFERRED, *FREE, "efforts"),

@@ -24,14 +24,14 @@ from skyarm.log.metrics.windows import Windows, windows_of
 from skyarm.log.periods import contact_pairs, points_at_tip, runs_of
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.arrays import lengths
-from skyarm.records.immutable import immutable
+from skyarm.records.immutable import positional
 
 LARGEST_ERROR = 0.5
 """Largest mean error (m) at the end of a flight; a base or tip beyond it has not
-tracked its reference."""
+tracked its reference. Comparisons count a flight as lost by the same number."""
 
 TILTED = np.radians(80.0)
-"""Tilt (rad) above which a flight counts as lost."""
+"""Tilt (rad) above which comparisons and checks count a flight as lost."""
 
 LARGEST_TURN = 0.2
 """Largest mean error (rad) of the heading at the end of a flight, the shorter way
@@ -45,7 +45,7 @@ PLACES = ("rad", "m")
 """Units of position setpoints."""
 
 
-@immutable
+@positional
 class Saturation:
     """Saturation of a flight's actuators: fraction of periods at a limit, and the worst
     command.
@@ -81,7 +81,7 @@ class Saturation:
         )
 
 
-@immutable
+@positional
 class Unreached:
     """Reference that a flight did not reach: position, tip, heading, force or phase.
 
@@ -100,7 +100,7 @@ class Unreached:
         return f"not reached: {self.words}"
 
 
-@immutable
+@positional
 class Shortfall:
     """Actuator saturation and missed references of a flight.
 
@@ -127,11 +127,11 @@ class Shortfall:
 def shortfall(log: Log) -> Shortfall:
     """Find saturated actuators and missed references in a log."""
     if not log.time.size:
-        return Shortfall(saturation=None, unreached=())
+        return Shortfall(None, ())
     desired, pushing = _desired_force(log)
     return Shortfall(
-        saturation=_saturation(log),
-        unreached=(
+        _saturation(log),
+        (
             *_missed_motion(log, pushing),
             *_missed_forces(log, desired),
             *_missed_phases(log),
@@ -171,13 +171,7 @@ def _saturation(log: Log) -> Saturation | None:
     if not limited:
         return None
     _, actuator, command, limit, unit = max(limited, key=lambda each: each[0])
-    return Saturation(
-        share=float(beyond.mean()),
-        actuator=actuator,
-        command=command,
-        limit=limit,
-        unit=unit,
-    )
+    return Saturation(float(beyond.mean()), actuator, command, limit, unit)
 
 
 def _cut(over: Array, limit: float | Array, unit: str) -> Array:
@@ -259,13 +253,9 @@ def _missed_motion(log: Log, pushing: Array) -> Iterator[Unreached]:
     turn = float(np.abs(np.arctan2(np.sin(off), np.cos(off))).mean())
     if not turn <= LARGEST_TURN:
         missed["heading"] = f"heading of the base, {math.degrees(turn):.3g} degrees"
-    for what, words in missed.items():
-        yield Unreached(
-            reference=what,
-            start=start,
-            stop=end,
-            words=f"{words} off in the mean from {start:g} s on",
-        )
+    for what, of in missed.items():
+        words = f"{of} off in the mean from {start:g} s on"
+        yield Unreached(what, start, end, words)
 
 
 def _desired_force(log: Log) -> tuple[Array, Array]:
@@ -296,7 +286,7 @@ def _missed_forces(log: Log, desired: Array) -> Iterator[Unreached]:
                 f"force of the push from {start:g} to {stop:g} s, at most {most:.3g} N"
                 f" of {aim:.3g} N"
             )
-            yield Unreached(reference="force", start=start, stop=stop, words=words)
+            yield Unreached("force", start, stop, words)
 
 
 def _force_at_tip(log: Log) -> Array:
@@ -321,6 +311,4 @@ def _missed_phases(log: Log) -> Iterator[Unreached]:
     ]
     if names:
         words = f"end of phase {', '.join(names)}"
-        yield Unreached(
-            reference="phase", start=ends[-1], stop=float(log.time[-1]), words=words
-        )
+        yield Unreached("phase", ends[-1], float(log.time[-1]), words)

@@ -90,6 +90,7 @@ class PictureTopics:
         at a time.
         """
         for seen in log.frames(self.name):
+            # the sum of both times is rounded, the log's own is not
             if seen.time + self.sensor.latency <= log.time[-1] + 1e-9:
                 yield from self.messages(seen)
 

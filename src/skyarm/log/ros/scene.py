@@ -9,6 +9,7 @@ import numpy as np
 
 from skyarm.algebra import Scalar
 from skyarm.dynamics.kinematics import every_joint, joint_placement
+from skyarm.log.log_columns import Arrays
 from skyarm.log.ros.message_bytes import NANO, Values
 from skyarm.records.arrays import Array, IntArray
 from skyarm.records.files.names import distinct
@@ -18,7 +19,7 @@ from skyarm.vehicle.description import turn_onto
 from skyarm.world.scene.vehicle_shapes import matrices, quaternions_of, vehicle_shapes
 
 
-class TimedArrays(Protocol):
+class TimedArrays(Arrays, Protocol):
     """Interface of a flight's arrays by name at some instants: a log, or the latest
     instant of a running flight.
     """
@@ -26,8 +27,6 @@ class TimedArrays(Protocol):
     @property
     def time(self) -> Array:
         """Times (s) of the instants at which a flight's arrays are given, (N,)."""
-
-    def __getitem__(self, array: str) -> Array: ...
 
 
 class LogSection:

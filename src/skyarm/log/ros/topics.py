@@ -9,7 +9,7 @@ begin with the vehicle's name, as ``/left/odom`` and ``left/base_link``.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import cast
 
@@ -19,7 +19,7 @@ from skyarm.algebra.frames import of_euler_angles, to_base, unit_rows
 from skyarm.log.flight_log import Log
 from skyarm.log.flown_scenario import restored_at
 from skyarm.log.log_columns import Names, columns, names_of, word
-from skyarm.log.ros.message_bytes import Bytes, Values, encode
+from skyarm.log.ros.message_bytes import Bytes, Value, Values, encode
 from skyarm.log.ros.messages import DEFINITIONS, FLIGHT, flight_definition
 from skyarm.log.ros.pictures import OPTICAL, cameras_of, picture_topics
 from skyarm.log.ros.scene import (
@@ -58,9 +58,8 @@ TRANSFORMS = ("/tf", "/tf_static")
 """Topics of the transforms between all frames, of which there is one for all
 vehicles."""
 
-FRAMES, STAMPED = ("frame_id", "child_frame_id"), ("transforms", "markers")
-"""Fields of a message with the name of a frame, and those with lists of messages that
-have a header."""
+FRAMES = ("frame_id", "child_frame_id")
+"""Fields of a message with the name of a frame."""
 
 
 class FlightTopics:
@@ -177,34 +176,21 @@ def _of_agent(topic: Topic, agent: str) -> Topic:
     return replace(
         topic,
         name=name,
-        values=lambda part: _in_frames(
-            topic.values(part.of(f"{agent}{WITHIN}")), agent
+        values=lambda part: cast(
+            "Values", _in_frames(topic.values(part.of(f"{agent}{WITHIN}")), agent)
         ),
     )
 
 
-def _in_frames(values: Values, agent: str) -> Values:
-    """Fields of a message whose frames, other than the world's, begin with the name of
-    a vehicle.
+def _in_frames(value: Value, agent: str, field: str = "") -> Value:
+    """Field of a message, or a whole one, whose frames, other than the world's, begin
+    with the name of a vehicle.
     """
-    moved = {
-        key: f"{agent}/{frame}"
-        for key in FRAMES
-        if (frame := values.get(key, WORLD)) not in ("", WORLD)
-    }
-    header = (
-        {"header": _in_frames(cast("Values", values["header"]), agent)}
-        if "header" in values
-        else {}
-    )
-    stamped = {
-        key: cast("Sequence[Values]", values[key]) for key in STAMPED if key in values
-    }
-    lists = {
-        key: [_in_frames(each, agent) for each in several]
-        for key, several in stamped.items()
-    }
-    return {**values, **moved, **header, **lists}
+    if isinstance(value, Mapping):
+        return {name: _in_frames(each, agent, name) for name, each in value.items()}
+    if isinstance(value, list):
+        return [_in_frames(each, agent) for each in value]
+    return f"{agent}/{value}" if field in FRAMES and value not in ("", WORLD) else value
 
 
 def _reference(part: LogSection) -> Values:

@@ -80,7 +80,7 @@ def errors_as(
 
 LIKE = 0.6
 """Least similarity (difflib's ratio, 0 to 1) at which a name is suggested for a
-misspelt one."""
+misspelt one: difflib's own rule of thumb for words that are close."""
 
 
 NEAREST = 4

@@ -4,7 +4,6 @@ objects that users can add.
 
 from skyarm.records.registry.plugins import load_plugin
 from skyarm.records.registry.registrations import (
-    KINDS,
     Registration,
     RegistryError,
     find,
@@ -12,6 +11,7 @@ from skyarm.records.registry.registrations import (
     register,
     registrations,
 )
+from skyarm.records.registry.shipped import KINDS
 
 __all__ = [
     "KINDS",

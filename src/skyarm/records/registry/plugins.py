@@ -38,13 +38,12 @@ from skyarm.records.registry.contract import kind_mistake, refuse_mistake
 from skyarm.records.registry.registrations import (
     API,
     AT_FIRST_USE,
-    KINDS,
     LOADED_BY,
     SHIPPED,
     RegistryError,
     add,
+    own_registrations,
     registering_for,
-    registrations,
 )
 
 GROUP = "skyarm.plugins"
@@ -319,11 +318,10 @@ def _require_right(source: str) -> None:
     """Raise an error if an object that a plugin registered does not have the required
     signature.
     """
-    for kind in KINDS:
-        for row in registrations(kind).values():
-            # a text is where it is found, which nobody has read yet
-            if row.source == source and not isinstance(row.target, str):
-                refuse_mistake(kind_mistake(kind, row.target), kind, row.name)
+    for row in own_registrations():
+        # a text is where it is found, which nobody has read yet
+        if row.source == source and not isinstance(row.target, str):
+            refuse_mistake(kind_mistake(row.kind, row.target), row.kind, row.name)
 
 
 FROM_FILE = re.compile(r"(?P<file>.+\.py):(?P<maker>[A-Za-z_]\w*)")
@@ -567,10 +565,7 @@ def _require_plugin(module: str, plugins: Mapping[str, str]) -> None:
 
 def _registered_packages() -> set[str]:
     """Names of the packages or top-level modules that registered additional names."""
-    targets = list[object]()
-    for kind in KINDS:
-        rows = registrations(kind).values()
-        targets += [row.target for row in rows if row.source != SHIPPED]
+    targets = (row.target for row in own_registrations())
     modules = (
         each if isinstance(each, str) else str(getattr(each, "__module__", ""))
         for each in targets

@@ -18,55 +18,10 @@ from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.files.packages import RIVAL, installed_versions, rival_of_mujoco
 from skyarm.records.files.user_code import place_of
 from skyarm.records.immutable import positional
-from skyarm.records.registry.shipped import OPTIONS, reserved_for
+from skyarm.records.registry.shipped import KINDS, OPTIONS, reserved_for
 from skyarm.records.registry.shipped import SHIPPED as SHIPPED_NAMES
 
 Thing = TypeVar("Thing")
-
-KINDS: Mapping[str, str] = {
-    "air": "motion of the air: a subclass of skyarm.Air",
-    "force": "forces on bodies: a subclass of skyarm.Force",
-    "fault": "an actuator that loses force: a subclass of skyarm.Fault",
-    "payload": (
-        "a load that is picked up and set down: a subclass of skyarm.TimedPayload"
-    ),
-    "world": "what the vehicle may touch: a subclass of skyarm.Contact",
-    "team": "a law that shares a body's load among vehicles: a subclass of skyarm.Team",
-    "signal": (
-        "a function of time: a subclass of skyarm.reference.Signal, or a function of"
-        " its table (Fields)"
-    ),
-    "sensor": "a reading of the true state: a subclass of skyarm.Sensor",
-    "estimator": "from readings to a measurement: a subclass of skyarm.Estimator",
-    "drive": "a joint's actuator: a subclass of skyarm.Drive",
-    "law": "a maker of controllers: function (model, **options) -> Controller",
-    "autopilot": (
-        "a program that flies the base: function (model, **options) -> Controller with"
-        " an Autopilot"
-    ),
-    "rotor_source": (
-        "rotors of another program's file: function (RotorFile of"
-        " skyarm.vehicle.stated_rotors) -> rotors"
-    ),
-    "plant": "a simulated vehicle: class (world, around, integrator, physics_step)",
-    "metric": (
-        "a number of a flight: a subclass of skyarm.Metric whose fields all have"
-        " defaults"
-    ),
-    "ending": "what ends an episode: a subclass of skyarm.Ending",
-    "motion": "a motion of the base: function (**options) -> Trajectory",
-    "log_format": (
-        "a log's file by its suffix: an object with write(log, path) and read(path)"
-    ),
-    "vehicle_format": (
-        "a file that a vehicle is exported to: function (vehicle, **options) -> its"
-        " text"
-    ),
-    "flight_format": "a file of measured flights: an object with read(path, columns)",
-    "command": "a command of the command line: a function with typed parameters",
-}
-"""Kinds of extensions that can be registered, each with the requirements on the
-registered object."""
 
 API = 1
 """Version of the extension interface; a plugin may state the version that it was
@@ -207,6 +162,12 @@ def _ready() -> dict[str, dict[str, Registration]]:
 def registrations(kind: str) -> Mapping[str, Registration]:
     """Registry entries of a kind by name, in the order of registration."""
     return _ready()[kind]
+
+
+def own_registrations() -> Iterator[Registration]:
+    """Registry entries of all kinds that do not ship with the library."""
+    for rows in _ready().values():
+        yield from (row for row in rows.values() if row.source != SHIPPED)
 
 
 def names(kind: str, *, shipped: bool = True) -> tuple[str, ...]:

@@ -22,6 +22,10 @@ def _rows(
     }
 
 
+KINDS: Mapping[str, str] = _TABLES["kinds"]
+"""Kinds of extensions that can be registered, each with the requirements on the
+registered object."""
+
 SECTIONS: Mapping[str, Mapping[str, tuple[str, str]]] = _rows(_TABLES["sections"])
 """Section of the help -> command -> (location, line of the help), in the order of the
 help.
