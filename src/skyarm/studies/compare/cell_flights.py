@@ -54,8 +54,8 @@ METRICS = (
 every joint's effort."""
 
 ONE_BY_ONE = 8
-"""Number of perturbed plants of a law whose flights fly one by one, each about a thousand
-times as long as in a batch."""
+"""Number of perturbed plants of a law whose flights fly one by one, each about a
+thousand times as long as in a batch."""
 
 Record = Mapping[str, Any]
 """Plain data of a results file."""

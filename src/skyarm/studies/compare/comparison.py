@@ -11,7 +11,7 @@ from itertools import chain
 from skyarm.records.immutable import immutable
 from skyarm.studies.compare.cell_flights import CellFlights, Document, Record
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
-from skyarm.studies.compare.run_suite import DPI, Refused, SummarySuite
+from skyarm.studies.compare.run_suite import DPI, Pngs, Refused, SummarySuite
 from skyarm.studies.compare.suite import CASES, Condition, conditions
 from skyarm.studies.trial.table import COLUMNS, TableColumn, report_of
 from skyarm.view.figures.comparison_figures import Share, laws_figure
@@ -91,9 +91,7 @@ class Comparison(SummarySuite[CellFlights]):
         """
         return {"laws.png": comparison_picture(found, list(self.entrants))}
 
-    def report(
-        self, found: Record, pictures: Mapping[str, bytes] | None = None
-    ) -> Report:
+    def report(self, found: Record, pictures: Pngs = None) -> Report:
         """Comparison report with one table for each condition, such as noisy
         measurements.
         """

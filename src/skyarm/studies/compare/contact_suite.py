@@ -27,7 +27,7 @@ from skyarm.studies.compare.contact_tasks import (
 )
 from skyarm.studies.compare.contact_worlds import Worlds, draw_worlds
 from skyarm.studies.compare.entrants import Entrant
-from skyarm.studies.compare.run_suite import Refused, Suite
+from skyarm.studies.compare.run_suite import Pngs, Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.sweep.expressions import read_expression
 from skyarm.studies.trial.table import (
@@ -165,13 +165,13 @@ class ContactSuite(Suite[ContactFlights]):
         return flown, refused
 
     def judge(
-        self, todo: Sequence[ContactFlights], cells: Sequence[Cell], refused: Refused
+        self, flown: Sequence[tuple[ContactFlights, Cell]], refused: Refused
     ) -> Document:
         """Evaluate flights of contact tasks: success rates, failure causes and errors,
         as plain data.
         """
         tasks: Document = {}
-        for flights, cell in zip(todo, cells, strict=True):
+        for flights, cell in flown:
             condition, name, law = flights.name
             if name not in tasks:
                 empty: Document = {each: {} for each in CONDITIONS}
@@ -190,9 +190,7 @@ class ContactSuite(Suite[ContactFlights]):
             )
         return {"laws": list(self.laws), "not_flown": dict(refused), "tasks": tasks}
 
-    def report(
-        self, found: Record, pictures: Mapping[str, bytes] | None = None
-    ) -> Report:
+    def report(self, found: Record, pictures: Pngs = None) -> Report:
         """Report of the contact benchmark with success rates and median errors."""
         return contact_report(found)
 

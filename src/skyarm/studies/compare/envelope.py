@@ -7,7 +7,7 @@ by value where they are not.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -39,7 +39,7 @@ from skyarm.studies.compare.envelope_axes import (
     axis_words,
     plants_at,
 )
-from skyarm.studies.compare.run_suite import DPI, Refused, Suite
+from skyarm.studies.compare.run_suite import DPI, Pngs, Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.trial.facts import DURATION, PAPER, TrialSetting, setting_of
 from skyarm.studies.trial.table import refusals, report_of
@@ -235,7 +235,7 @@ class Envelope(Suite[AxisFlights]):
         return cells, refused
 
     def judge(
-        self, todo: Sequence[AxisFlights], cells: Sequence[Cell], refused: Refused
+        self, flown: Sequence[tuple[AxisFlights, Cell]], refused: Refused
     ) -> Document:
         """Evaluate the envelope: errors of every controller at every value of every
         difficulty axis.
@@ -244,7 +244,7 @@ class Envelope(Suite[AxisFlights]):
             name: axis_record(self.axis(name), self.setting_of_axis(name))
             for name in self.flyable_axes
         }
-        for flights, cell in zip(todo, cells, strict=True):
+        for flights, cell in flown:
             points = points_of(cell, flights.trial, len(flights.points))
             axes[flights.case.name]["laws"].setdefault(flights.entrant.name, []).extend(
                 points
@@ -261,9 +261,7 @@ class Envelope(Suite[AxisFlights]):
             "envelope.png": image_bytes(envelope_figure(panels, found["laws"]), dpi=DPI)
         }
 
-    def report(
-        self, found: Record, pictures: Mapping[str, bytes] | None = None
-    ) -> Report:
+    def report(self, found: Record, pictures: Pngs = None) -> Report:
         """Envelope report: a summary, and a table for each difficulty axis."""
         return envelope_report(found, (pictures or {}).get("envelope.png"))
 

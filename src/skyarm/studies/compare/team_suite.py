@@ -18,7 +18,7 @@ from skyarm.scenario.scenario_file import LIBRARY, load_scenario, scenario_from
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.cell_flights import CellFlights, Document, Record
 from skyarm.studies.compare.entrants import Entrant
-from skyarm.studies.compare.run_suite import Refused, SummarySuite
+from skyarm.studies.compare.run_suite import Pngs, Refused, SummarySuite
 from skyarm.studies.compare.suite import Case, library_rows
 from skyarm.studies.compare.team_conditions import ROWS, CarryingTeam, TeamCondition
 from skyarm.studies.trial.table import COLUMNS, report_of
@@ -193,9 +193,7 @@ class TeamSuite(SummarySuite[TeamFlights]):
             )
         return planned, refused
 
-    def report(
-        self, found: Record, pictures: Mapping[str, bytes] | None = None
-    ) -> Report:
+    def report(self, found: Record, pictures: Pngs = None) -> Report:
         """Report of the benchmark with one table: a row per condition and law."""
         word = "title" if self.scenario == FLOWN else "own"
         rows = []

@@ -28,6 +28,7 @@ import numpy as np
 from skyarm.dynamics import mass_matrix_at_rest
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.dynamics.workspace import reach
+from skyarm.records.arrays import doubles
 from skyarm.records.files import PathLike, file_name, shown
 from skyarm.records.files.names import read_named
 from skyarm.records.immutable import immutable
@@ -263,7 +264,7 @@ def fading(vehicle: Vehicle, rate: float) -> tuple[float, ...]:
     """
     if not vehicle.n:
         return ()
-    M = np.array(mass_matrix_at_rest(vehicle), dtype=float)
+    M = doubles(mass_matrix_at_rest(vehicle))
     mobility = np.linalg.inv(M)[6:, 6:]
     inertia = 1.0 / np.diag(mobility)
     fastest = np.abs(np.linalg.eigvals(mobility * inertia)).max()
