@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from itertools import product
 
 import numpy as np
 
@@ -124,44 +125,32 @@ class ContactSuite(Suite[ContactFlights]):
     name, file, folder = CONTACT, "contact", "out/contact"
     settings = ("worlds", "seed", "plant")
 
-    def flights(self) -> list[ContactFlights]:
+    def plan_cells(self) -> tuple[list[ContactFlights], dict[str, str]]:
         """All flights of the contact benchmark, grouped by task, controller and
-        condition.
+        condition, and reasons why a controller is excluded from a task.
         """
         conditions = [
             Condition(name=name, noisy=name == "noisy", episodes=self.worlds)
             for name in CONDITIONS
         ]
-        cells = list[ContactFlights]()
-        for task in self.tasks:
-            for law in self.laws:
-                if not flies_its_own(TASKS[task], law):
-                    continue
-                cells += [
-                    ContactFlights(
-                        entrant=Entrant(name=law, law=law),
-                        case=Case(name=task),
-                        condition=condition,
-                        plant=self.plant,
-                        seed=self.seed,
-                    )
-                    for condition in conditions
-                ]
-        return cells
-
-    def plan_cells(self) -> tuple[list[ContactFlights], dict[str, str]]:
-        """All flights of the contact benchmark, and reasons why a controller is
-        excluded from a task.
-        """
         flown = list[ContactFlights]()
         refused = dict[str, str]()
-        for each in self.flights():
+        for task, law, condition in product(self.tasks, self.laws, conditions):
+            if not flies_its_own(TASKS[task], law):
+                continue
+            cell = ContactFlights(
+                entrant=Entrant(name=law, law=law),
+                case=Case(name=task),
+                condition=condition,
+                plant=self.plant,
+                seed=self.seed,
+            )
             try:
                 # refuses a law that does not fit
-                each.scenario()
-                flown.append(each)
+                cell.scenario()
+                flown.append(cell)
             except ControllerError as error:
-                refused[f"{each.entrant.name} in {each.case.name}"] = str(error)
+                refused[f"{law} in {task}"] = str(error)
         return flown, refused
 
     def judge(

@@ -16,7 +16,7 @@ from skyarm.records.files.messages import comma_list
 from skyarm.simulate.lane_numbers import require_count
 from skyarm.studies.flights.fly import fly, fly_together
 from skyarm.studies.flights.store import Store, pack_rows, unpack_rows
-from skyarm.studies.flights.work import Arguments, Rows, Work, identified
+from skyarm.studies.flights.work import Rows, Work, identified
 
 if TYPE_CHECKING:
     from skyarm.studies.flights.processes import Processes
@@ -67,10 +67,7 @@ class InProcess:
         return len(self._next)
 
     def submit(
-        self,
-        token: Work,
-        function: Callable[[*Arguments], bytes],
-        *arguments: *Arguments,
+        self, token: Work, function: Callable[..., bytes], *arguments: object
     ) -> None:
         """Store a function call, which is executed when its result is collected."""
         self._next.append((token, lambda: function(*arguments)))

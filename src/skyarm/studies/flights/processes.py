@@ -18,7 +18,7 @@ from skyarm.records.files.user_code import OwnCodeError, own_failure
 from skyarm.records.registry import RegistryError
 from skyarm.records.travel import luggage, pack, unload, unpack
 from skyarm.simulate.examine import TRIED
-from skyarm.studies.flights.work import Arguments, Work
+from skyarm.studies.flights.work import Work
 
 Call = tuple[Callable[..., bytes], tuple[object, ...]]
 """Function of a call and its arguments."""
@@ -49,10 +49,7 @@ class Processes:
         return len(self._flying)
 
     def submit(
-        self,
-        token: Work,
-        function: Callable[[*Arguments], bytes],
-        *arguments: *Arguments,
+        self, token: Work, function: Callable[..., bytes], *arguments: object
     ) -> None:
         """Submit a function call, whose work item and result :meth:`collect`
         returns.

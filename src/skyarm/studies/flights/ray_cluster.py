@@ -28,7 +28,7 @@ from skyarm.records.registry import RegistryError
 from skyarm.records.travel import luggage, pack, unpack
 from skyarm.simulate.examine import TRIED
 from skyarm.studies.flights.processes import MOST_TRIES, equip, perform
-from skyarm.studies.flights.work import Arguments, Work, kinship
+from skyarm.studies.flights.work import Work, kinship
 
 if TYPE_CHECKING:
     from ray import ObjectRef
@@ -120,10 +120,7 @@ class Ray:
         return len(self._flying)
 
     def submit(
-        self,
-        token: Work,
-        function: Callable[[*Arguments], bytes],
-        *arguments: *Arguments,
+        self, token: Work, function: Callable[..., bytes], *arguments: object
     ) -> None:
         """Submit a function call, whose work item and result :meth:`collect`
         returns.
