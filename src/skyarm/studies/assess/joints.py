@@ -20,7 +20,6 @@ from skyarm.studies.assess.finding import (
     OK,
     WARNING,
     Concern,
-    Details,
     Finding,
     at_most,
 )
@@ -62,13 +61,18 @@ def joint_torques(poses: ArmPoses) -> list[Finding]:
         stated = f" of {limit:g}" if limit < math.inf else ", no limit stated"
         text = f"up to {value:.3g} {unit}{stated} to hold the arm"
         remedy = f"a stronger drive ({stronger}) or a lighter, shorter arm"
-        shown = float(limit) if limit < math.inf else math.nan
-        more = Details(
-            limit=shown, unit=unit, joints=pose, concerns=Concern.STATIC_EFFORT
-        )
         findings.append(
             at_most(
-                question, float(value), text, field, remedy, fault=float(limit), **more
+                question,
+                float(value),
+                text,
+                field,
+                remedy,
+                fault=float(limit),
+                limit=float(limit) if limit < math.inf else math.nan,
+                unit=unit,
+                joints=pose,
+                concerns=Concern.STATIC_EFFORT,
             )
         )
     return findings

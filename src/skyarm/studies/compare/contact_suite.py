@@ -13,8 +13,7 @@ import numpy as np
 
 from skyarm.control.controller import ControllerError
 from skyarm.log.metrics.interaction import BAND
-from skyarm.records.arrays import AnyArray as Array
-from skyarm.records.arrays import Mask
+from skyarm.records.arrays import Columns, Mask
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.cell_flights import Cell, CellFlights, Document, Record
@@ -82,7 +81,7 @@ class ContactFlights(CellFlights):
         """
         return worlds_of(self.case.name, self.condition.episodes, self.seed)
 
-    def values(self, scenario: Scenario) -> dict[str, Array]:
+    def values(self, scenario: Scenario) -> Columns:
         """Perturbed surroundings and plants of the flights: parameter path -> values
         (flights,).
         """
@@ -125,7 +124,7 @@ class ContactSuite(Suite[ContactFlights]):
     name, file, folder = CONTACT, "contact", "out/contact"
     settings = ("worlds", "seed", "plant")
 
-    def plan_cells(self) -> tuple[list[ContactFlights], dict[str, str]]:
+    def plan_cells(self) -> tuple[list[ContactFlights], Refused]:
         """All flights of the contact benchmark, grouped by task, controller and
         condition, and reasons why a controller is excluded from a task.
         """

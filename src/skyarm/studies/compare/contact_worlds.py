@@ -15,7 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from skyarm.algebra.scalars.philox import uniforms
-from skyarm.records.arrays import Array, Mask
+from skyarm.records.arrays import Array, Columns, Mask
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.joints import effort_limits
@@ -142,7 +142,7 @@ def feasible_worlds(
 
 def _numbers(
     task: ContactTask, scenario: Scenario, drawn: Mapping[str, Array], share: Array
-) -> dict[str, Array]:
+) -> Columns:
     """Perturbed parameters of a contact task: parameter path -> values (scenarios,)."""
     wind = on_sphere(2.0 * share[:, 6] - 1.0, 2.0 * math.pi * share[:, 7])
     normal = _tilt(task.normal, NORMAL * share[:, 8], 2.0 * math.pi * share[:, 9])

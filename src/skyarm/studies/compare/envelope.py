@@ -14,7 +14,7 @@ import numpy as np
 
 from skyarm.control.controller import ControllerError
 from skyarm.log.metrics.windows import Window, Windows
-from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.arrays import Columns
 from skyarm.records.immutable import immutable
 from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.scenario_record import Scenario
@@ -89,7 +89,7 @@ class AxisFlights(TrialFlights):
         )
         return built.with_controller(controller_by_name(built, self.entrant.law))
 
-    def values(self, scenario: Scenario) -> dict[str, Array]:
+    def values(self, scenario: Scenario) -> Columns:
         """Parameters that vary along the difficulty axis: parameter path -> values
         (flights,).
         """
@@ -212,7 +212,7 @@ class Envelope(Suite[AxisFlights]):
             else axis
         )
 
-    def plan_cells(self) -> tuple[list[AxisFlights], dict[str, str]]:
+    def plan_cells(self) -> tuple[list[AxisFlights], Refused]:
         """All flights of the envelope, and reasons why a controller is excluded."""
         cells: list[AxisFlights] = []
         refused: dict[str, str] = {}

@@ -27,8 +27,7 @@ from skyarm.log.metrics.metric_catalogue import (
     row_names,
 )
 from skyarm.log.metrics.windows import Windows
-from skyarm.records.arrays import AnyArray as Array
-from skyarm.records.arrays import Mask
+from skyarm.records.arrays import Columns, Mask
 from skyarm.records.files import (
     Fields,
     PathLike,
@@ -177,7 +176,7 @@ class FileFlights(TrialFlights):
             self.trial.scenario(self.setting, self.points[0]), seed=self.seed
         )
 
-    def values(self, scenario: Scenario) -> dict[str, Array]:
+    def values(self, scenario: Scenario) -> Columns:
         """Numbers of the flights: parameter path -> values (flights,)."""
         count = self.trial.flights
         drawn = values(

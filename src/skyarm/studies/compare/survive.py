@@ -14,7 +14,7 @@ import numpy as np
 
 from skyarm.control.controller import ControllerError
 from skyarm.log.metrics.windows import LAST, Window, Windows
-from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.arrays import Columns
 from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
@@ -75,7 +75,7 @@ class SurviveFlights(CellFlights):
         """Scenario that all flights have in common."""
         return self.built
 
-    def values(self, scenario: Scenario) -> dict[str, Array]:
+    def values(self, scenario: Scenario) -> Columns:
         """Numbers of the flights: parameter path -> values (flights,)."""
         return {
             path: np.array([each.get(path, own) for each in self.lanes])
@@ -104,7 +104,7 @@ class SurviveSuite(Suite[SurviveFlights]):
     name, file, folder = SURVIVE, "survive", "out/survive"
     settings = ("vehicle", "seed", "plant", "quick")
 
-    def plan_cells(self) -> tuple[list[SurviveFlights], dict[str, str]]:
+    def plan_cells(self) -> tuple[list[SurviveFlights], Refused]:
         """All flights of the suite, and reasons why a law is excluded."""
         cells = list[SurviveFlights]()
         refused = dict[str, str]()

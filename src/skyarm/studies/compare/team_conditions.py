@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.arrays import Columns
 from skyarm.records.immutable import immutable
 from skyarm.reference.signals import Constant, Shifted, Signal, with_signals
 from skyarm.scenario.scenario_record import Scenario
@@ -183,9 +184,7 @@ class TeamCondition(Condition):
         agent = replace(agent, reference=with_signals(agent.reference, later))
         return replace(scenario, agents={**scenario.agents, last: agent})
 
-    def columns(
-        self, scenario: Scenario, given: CarryingTeam, seed: int
-    ) -> dict[str, Array]:
+    def columns(self, scenario: Scenario, given: CarryingTeam, seed: int) -> Columns:
         """Numbers of the flights, the same for every law: parameter path -> values
         (flights,).
 
@@ -206,7 +205,7 @@ class TeamCondition(Condition):
         vary = {path: distribution_from(table, path) for path, table in spread.items()}
         draws = Design(vary=vary, episodes=self.episodes, seed=seed)
         drawn = values(draws, np.arange(self.episodes))
-        found = dict[str, Array]()
+        found = Columns()
         if "masses" in self.vary:
             found[f"world.objects.{name}.mass"] = (
                 float(given.body.mass) * drawn[f"masses_{name}"]

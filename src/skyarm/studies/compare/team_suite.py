@@ -8,7 +8,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 from skyarm.log.metrics.metric_catalogue import TEAMS
-from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.arrays import Columns
 from skyarm.records.files import PathLike, file_name, must_be_one_of, shown
 from skyarm.records.files.names import read_named
 from skyarm.records.immutable import immutable
@@ -66,7 +66,7 @@ class TeamFlights(CellFlights):
         late = self.condition.change_path(scenario_from(changed, folder), given.last)
         return dataclasses.replace(late, seed=self.seed)
 
-    def values(self, scenario: Scenario) -> dict[str, Array]:
+    def values(self, scenario: Scenario) -> Columns:
         """Numbers of the flights, the same for every law: parameter path -> values
         (flights,).
         """

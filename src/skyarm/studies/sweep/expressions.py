@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.records.arrays import Array, doubles
+from skyarm.records.arrays import Array, Columns, doubles
 from skyarm.records.files import Fields, did_you_mean, shown
 from skyarm.records.immutable import positional
 
@@ -254,7 +254,7 @@ def derived_from(table: object, varied: Collection[str]) -> dict[str, Expression
 
 def with_derived(
     drawn: Mapping[str, Array], derived: Mapping[str, Expression]
-) -> dict[str, Array]:
+) -> Columns:
     """Varied parameter values together with those that expressions derive from them.
 
     Raises:

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from skyarm.log.metrics.windows import Window, Windows
-from skyarm.records.arrays import AnyArray, Array, IntArray, Mask, doubles
+from skyarm.records.arrays import AnyArray, Array, Columns, IntArray, Mask, doubles
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import parts
 from skyarm.scenario.numbers import with_numbers
@@ -234,7 +234,7 @@ class CandidateFlights:
         )
         works = []
         for i, piece in enumerate(pieces):
-            values: dict[str, Array] = {}
+            values: Columns = {}
             for knob, column in zip(self.knobs, piece.T, strict=True):
                 factors = np.repeat(column, each)
                 values |= {
