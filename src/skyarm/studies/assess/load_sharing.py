@@ -214,7 +214,7 @@ def _balance(
             f"turns in grasp {grasps[i].label}: its patch holds {most[i]:.3g} N m of"
             f" {torque[i]:.3g} N m"
         )
-    elif np.linalg.norm(left[:3]) > LEVER * weight:
+    elif norm(left[:3]) > LEVER * weight:
         departure = f"swings: {pivot} cannot pull straight up from where it begins"
     elif np.any(np.abs(free[3:5]) > LEVER) and (lever > LEVER or below < -LEVER):
         departure = (

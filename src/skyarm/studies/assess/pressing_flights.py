@@ -23,7 +23,7 @@ from skyarm.dynamics.kinematics import frame_pose, jacobian_columns, link_poses
 from skyarm.log.flight_log import Log
 from skyarm.log.metrics.score import score
 from skyarm.plant.largest_step import divisions
-from skyarm.records.arrays import Array, doubles, float_array
+from skyarm.records.arrays import Array, doubles, float_array, norm
 from skyarm.reference.trajectory import Reference
 from skyarm.scenario.endings import RotorContact
 from skyarm.scenario.numbers import number_at
@@ -220,7 +220,7 @@ def contact_steps(scenario: Scenario, at: Reference) -> list[Finding]:
     period = scenario.rates.period
     joints = tuple(map(float, at.joints))
     push = push_on_level_base(at)
-    mass = tip_mass(vehicle, joints, push / np.linalg.norm(push))
+    mass = tip_mass(vehicle, joints, push / norm(push))
     step = float(contact.largest_verlet_step or 0.0)
     hardest = max(
         (float(each.material.stiffness) for each in contact.surfaces), default=0.0

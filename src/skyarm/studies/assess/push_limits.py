@@ -232,9 +232,7 @@ def _guards(scenario: Scenario, speed: float) -> list[Finding]:
             driven = (
                 (float(guard.force) - bears) / float(thing.mass) * float(guard.hold)
             )
-            ahead = n @ away > 0.0 and np.linalg.norm(np.cross(n, away)) < 0.5 * max(
-                thing.size
-            )
+            ahead = n @ away > 0.0 and norm(np.cross(n, away)) < 0.5 * max(thing.size)
             if ahead and driven > speed:
                 text = (
                     f"object {thing.name} slides away from {bears:.2g} N:"
@@ -309,13 +307,11 @@ def push_errors(
     errors = part_of(scenario.agent.controller.par, "interaction").errors
     place = levers(vehicle, Mat3.identity(), joints)
     shares = np.array(
-        effort_shares(errors, place, Vec3(*(push / np.linalg.norm(push)))), dtype=float
+        effort_shares(errors, place, Vec3(*(push / norm(push)))), dtype=float
     )
     loads, weights = (
         shares * pushing_efforts(scenario, joints, force)
         for force in (push, 0.0 * push)
     )
-    independent = math.hypot(
-        by.torques * np.linalg.norm(loads), by.masses * np.linalg.norm(weights)
-    )
+    independent = math.hypot(by.torques * norm(loads), by.masses * norm(weights))
     return float(abs(by.torques * loads.sum())), independent

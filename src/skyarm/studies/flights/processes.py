@@ -18,7 +18,7 @@ from skyarm.records.files.user_code import OwnCodeError, own_failure
 from skyarm.records.registry import RegistryError
 from skyarm.records.travel import luggage, pack, unload, unpack
 from skyarm.simulate.examine import TRIED
-from skyarm.studies.flights.work import Work
+from skyarm.studies.flights.work import Flown, Work
 
 Call = tuple[Callable[..., bytes], tuple[object, ...]]
 """Function of a call and its arguments."""
@@ -75,7 +75,7 @@ class Processes:
         broken.set_exception(BrokenProcessPool())
         self._flying[broken] = token, call, tries
 
-    def collect(self) -> tuple[Work, bytes]:
+    def collect(self) -> Flown:
         """Wait for a call to finish, restarting those of killed processes; returns its
         work item and result.
 
@@ -112,7 +112,7 @@ class Processes:
                 ) from error
             self._begin(token, call, tries + begun)
 
-    def close(self, *, abandon: bool) -> list[tuple[Work, bytes]]:
+    def close(self, *, abandon: bool) -> list[Flown]:
         """End all processes, after waiting for running calls or abandoning them;
         returns the results not collected yet.
 

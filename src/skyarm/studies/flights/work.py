@@ -140,6 +140,10 @@ class Work:
         )
 
 
+Flown = tuple[Work, bytes]
+"""Work item with the content of its result file."""
+
+
 def _bytes(column: Array) -> str:
     array = np.ascontiguousarray(column)
     # type and shape, too: equal bytes may be other numbers

@@ -47,6 +47,7 @@ from skyarm.studies.tune.law_knobs import (
     Centred,
     GainKnob,
     KnobError,
+    Knobs,
     centre,
     chosen_knobs,
 )
@@ -184,7 +185,7 @@ def draw_team_plants(
     return Plants(spread=spread, eased=1.0, values=values, kinds=kinds)
 
 
-def at_defaults(flight: Scenario, knobs: tuple[GainKnob, ...], label: str) -> Centred:
+def at_defaults(flight: Scenario, knobs: Knobs, label: str) -> Centred:
     """Flight with the search centred at the defaults of the law of its team."""
     usual: dict[str, Any] = {
         each.name: each.default for each in fields(team_of(flight))
@@ -303,9 +304,7 @@ class TeamSubject(Subject):
         """Law with its options."""
         return team_of(scenario), ()
 
-    def knobs(
-        self, scenario: Scenario, chosen: Sequence[str] | None
-    ) -> tuple[GainKnob, ...]:
+    def knobs(self, scenario: Scenario, chosen: Sequence[str] | None) -> Knobs:
         """Options above zero whose fields state an effect."""
         team = team_of(scenario)
         knobs = tuple(
