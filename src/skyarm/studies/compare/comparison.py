@@ -65,8 +65,8 @@ class Comparison(SummarySuite[CellFlights]):
         }
 
     def plan_cells(self) -> tuple[list[CellFlights], Refused]:
-        """All flights of the comparison, grouped by controller, condition and case, and
-        an empty mapping, since no controller is excluded.
+        """All flights of the comparison, grouped by controller, condition and case; no
+        controller is excluded.
         """
         cells = list[CellFlights]()
         groups = product(self.entrants.values(), self.conditions.values())

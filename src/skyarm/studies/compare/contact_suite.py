@@ -125,8 +125,10 @@ class ContactSuite(Suite[ContactFlights]):
     settings = ("worlds", "seed", "plant")
 
     def plan_cells(self) -> tuple[list[ContactFlights], Refused]:
-        """All flights of the contact benchmark, grouped by task, controller and
-        condition, and reasons why a controller is excluded from a task.
+        """All flights of the contact benchmark, and reasons why a controller is
+        excluded from a task.
+
+        They are grouped by task, controller and condition.
         """
         conditions = [
             Condition(name=name, noisy=name == "noisy", episodes=self.worlds)

@@ -105,7 +105,7 @@ class OwnScenario(SummarySuite[GivenFlights]):
     @property
     def name(self) -> str:  # type: ignore[override]
         """Name of the compared scenario, as in its file."""
-        return self.plan_cells()[0][0].case.name
+        return as_scenario(self.scenario).name
 
     def plan_cells(self) -> tuple[list[GivenFlights], Refused]:
         """Flights of each controller, and reasons why usual laws do not fly; a law that

@@ -42,8 +42,6 @@ DAMPING = math.sqrt(0.96)
 """Factor on the damping of a grasp whose stiffness is another, beside the root of that
 factor: the shipped 15 N s/m are rounded up from 0.6 sqrt(0.06 kg 10 000 N/m)."""
 
-AXES = ("x", "y", "z")
-
 
 @immutable
 class TeamCondition(Condition):
@@ -196,7 +194,7 @@ class TeamCondition(Condition):
         name = given.body.name
         agents = scenario.agents
         last = f"agents.{given.last}"
-        several = {"masses": [*agents, name], "wind": [*AXES[:2]]}
+        several = {"masses": [*agents, name], "wind": ["x", "y"]}
         spread = {
             f"{each}_{part}": table
             for each, table in self.vary.items()
@@ -223,12 +221,12 @@ class TeamCondition(Condition):
         if "off" in self.vary:
             for k in np.flatnonzero(given.outward):
                 off = given.outward[k] * drawn["off_"]
-                found[f"team.members.{len(given.places) - 1}.place.{AXES[k]}"] = (
+                found[f"team.members.{len(given.places) - 1}.place.{'xyz'[k]}"] = (
                     given.places[-1][k] + off
                 )
                 found |= {
                     f"{last}.reference.tip.{axis}.place.{k}.signals.1.height": off
-                    for axis in AXES
+                    for axis in "xyz"
                 }
         if "stiffness" in self.vary:
             factor = drawn["stiffness_"]
@@ -240,7 +238,7 @@ class TeamCondition(Condition):
                     )
         if "wind" in self.vary:
             at = f"environment.forces.{len(scenario.environment.forces) - 1}.force"
-            found |= {f"{at}.{axis}.height": drawn[f"wind_{axis}"] for axis in AXES[:2]}
+            found |= {f"{at}.{axis}.height": drawn[f"wind_{axis}"] for axis in "xy"}
         if "rotor" in self.vary:
             number = len(agents[given.last].faults) - 1
             found[f"{last}.environment.faults.{number}.effectiveness"] = drawn["rotor_"]

@@ -211,8 +211,9 @@ def _require_hover(where: str, truth: Vehicle, armed: bool) -> None:
 
 
 def _hover(vehicle: str) -> dict[str, Any]:
-    """Scenario file of a hover without its reference; the paper's vehicle hovers as in
-    case 3, whose controller has the published model.
+    """Scenario file of a hover without its reference.
+
+    The paper's vehicle hovers as in case 3, whose controller has the published model.
     """
     if vehicle == PAPER:
         return read_named("case3", "scenario", LIBRARY)[0] | {
