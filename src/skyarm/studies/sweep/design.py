@@ -28,7 +28,7 @@ SHIFT_CHANNEL = 2**17
 
 BLOCK = 2**16
 """Number of episodes whose numbers are drawn at once when only the least and greatest
-values are kept."""
+values are kept: half a megabyte for each number."""
 
 
 @immutable(slots=False)

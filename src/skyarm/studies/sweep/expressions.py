@@ -34,8 +34,10 @@ LONGEST = 400
 """Largest number of characters of an expression."""
 
 MOST_DERIVED = 1000
+"""Largest number of derived numbers of a study."""
 
 FUNCTION = "sqrt"
+"""The only function; its name is therefore no name of a number."""
 
 WORD = r"[A-Za-z_]\w*"
 

@@ -52,7 +52,7 @@ CLEARANCE = 0.5
 
 ROOM = 0.7
 """Largest fraction of the distance to a joint's nearer limit that a swing of 1 (rad or
-m) uses."""
+m) uses, chosen."""
 
 DURATION = 20.0
 """Duration (s) of a trial."""
