@@ -369,8 +369,7 @@ def _stretch(part: FlightPart, time: Array) -> Followed:
 
 def _joint_limits(scenario: Scenario, demand: ActuatorDemand) -> list[Finding]:
     findings = []
-    for i, link in enumerate(scenario.agent.vehicle.links):
-        joint = link.joint
+    for i, joint in enumerate(scenario.agent.vehicle.joints):
         q = demand.joints[i]
         low, high = joint.ends
         beyond = (q < low) | (q > high)

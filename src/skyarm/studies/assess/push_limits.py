@@ -154,11 +154,10 @@ def _joints(scenario: Scenario, at: Reference) -> list[Finding]:
     shares = np.abs(efforts) / limits
     i = int(np.argmax(shares))
     share = float(shares[i])
-    name = vehicle.links[i].joint.name
-    unit = vehicle.links[i].joint.units[1]
+    joint = vehicle.joints[i]
     text = (
         f"{float(at.push[0]):.3g} N take {abs(efforts[i]):.3g} of {limits[i]:.3g}"
-        f" {unit} at joint {name}"
+        f" {joint.units[1]} at joint {joint.name}"
     )
     remedy = "less force, or a pose with the tip nearer to the joint's height"
     return [
