@@ -89,9 +89,7 @@ def push_on_level_base(at: Reference) -> Array:
     """Contact force (N) of the surface on the tip, in the axes of a level base."""
     force, _, *normal = map(float, at.push[:5])
     # into the axes of the base: by the yaw, backwards
-    x, y, z = normal
-    c, s = math.cos(float(at.yaw)), math.sin(float(at.yaw))
-    return force * np.array([c * x + s * y, c * y - s * x, z])
+    return force * float_array(Vec3(*normal).about_z(-float(at.yaw)))
 
 
 def pushing_efforts(
