@@ -50,7 +50,7 @@ def cells(line):
 def test_the_page_shows_what_flights_give():
     envelope = Envelope(laws=("paper_ct", FLAGSHIP), axes=FLOWN)
     todo, refused = envelope.plan_cells()
-    found = envelope.judge(todo, [cell_of(each) for each in todo], refused)
+    found = envelope.judge([(each, cell_of(each)) for each in todo], refused)
     rows = summary_rows(found["axes"], envelope.laws)
     assert len(rows) == len(FLOWN)
     for title, group in TABLES.items():

@@ -30,6 +30,10 @@ AnyArray = npt.NDArray[Any]
 """Array of doubles, integers or booleans."""
 
 
+Columns = dict[str, Array]
+"""Values of many flights: path of a number, or name of a column -> (flights,)."""
+
+
 def doubles(values: object) -> Array:
     """Array of doubles of the given numbers; one that is an array of doubles already
     stays the same object.

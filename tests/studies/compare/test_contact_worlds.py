@@ -43,7 +43,8 @@ COUNT = 60
 
 
 def contact_flights(laws, tasks, worlds, **more):
-    return ContactSuite(laws=laws, tasks=tasks, worlds=worlds, **more).flights()
+    suite = ContactSuite(laws=laws, tasks=tasks, worlds=worlds, **more)
+    return suite.plan_cells()[0]
 
 
 @functools.lru_cache(maxsize=4)

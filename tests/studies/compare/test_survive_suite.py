@@ -67,7 +67,7 @@ def flown(simpler=SIMPLER, **options):
     return (
         suite,
         todo,
-        suite.options | suite.judge(todo, [cell_of(each) for each in todo], refused),
+        suite.options | suite.judge([(each, cell_of(each)) for each in todo], refused),
     )
 
 

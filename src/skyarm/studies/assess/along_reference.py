@@ -18,7 +18,7 @@ from skyarm.dynamics.actuators.motion_demand import (
     demand_of_motion,
     motion_of,
 )
-from skyarm.records.arrays import Array, Mask, stack_values
+from skyarm.records.arrays import Array, Mask, float_array, stack_values
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.endings import clearances_of
@@ -216,11 +216,7 @@ def _speed_steps(scenario: Scenario) -> list[Finding]:
         )
         for side in (-AROUND, AROUND)
     )
-    before[:, 0] = (
-        np.zeros(3)
-        if initial is None or start
-        else np.array(list(initial.velocity), dtype=float)
-    )
+    before[:, 0] = 0.0 if initial is None or start else float_array(initial.velocity)
     steps = np.linalg.norm(after - before, axis=0)
     # a vehicle that is to brake at first is meant to
     steps[0] = min(steps[0], np.linalg.norm(after[:, 0]))
@@ -373,8 +369,7 @@ def _stretch(part: FlightPart, time: Array) -> Followed:
 
 def _joint_limits(scenario: Scenario, demand: ActuatorDemand) -> list[Finding]:
     findings = []
-    for i, link in enumerate(scenario.agent.vehicle.links):
-        joint = link.joint
+    for i, joint in enumerate(scenario.agent.vehicle.joints):
         q = demand.joints[i]
         low, high = joint.ends
         beyond = (q < low) | (q > high)

@@ -62,9 +62,9 @@ class Allocation:
         AllocationError if it has none.
         """
         mixer = make_mixer(vehicle)
-        highest = np.array(mixer.highest, dtype=float)
+        highest = doubles(mixer.highest)
         lowest = np.where([rotor.reversible for rotor in vehicle.rotors], -highest, 0.0)
-        return cls(np.array(mixer.inverse, dtype=float), highest, lowest)
+        return cls(doubles(mixer.inverse), highest, lowest)
 
     def sizes(self, squared: Array) -> Array:
         """Squared speeds (rotors, poses) without the sign of rotors that may turn

@@ -425,23 +425,17 @@ def _no_rotors(vehicle: Vehicle, file: str) -> Finding:
             "; of a .urdf, .xml or .sdf file this writes the vehicle file: skyarm new"
             " vehicle NAME --from FILE"
         )
-    if vehicle.gaps:
-        return Finding(
-            "rotors",
-            FAULT,
-            "; ".join(vehicle.gaps),
-            "rotors",
-            f"state them in {place}{writes}",
+    text = "; ".join(vehicle.gaps)
+    remedy = f"state them in {place}{writes}"
+    if not vehicle.gaps:
+        # one name shows how the line is meant; the others follow from it
+        like = "".join(f', link = "{name}"' for name in links_like_rotors(vehicle)[:1])
+        text = "no rotors: nothing holds it up"
+        remedy = (
+            f"add [[rotors]]{like}, or put it as an arm on a multirotor by [[attach]]"
+            f" in that one's file{writes}"
         )
-    # one name shows how the line is meant; the others follow from it
-    like = "".join(f', link = "{name}"' for name in links_like_rotors(vehicle)[:1])
-    add = (
-        f"add [[rotors]]{like}, or put it as an arm on a multirotor by [[attach]] in"
-        " that one's file"
-    )
-    return Finding(
-        "rotors", FAULT, "no rotors: nothing holds it up", "rotors", f"{add}{writes}"
-    )
+    return Finding("rotors", FAULT, text, "rotors", remedy)
 
 
 def _has_full_allocation(vehicle: Vehicle) -> bool:

@@ -139,11 +139,9 @@ def _payloads(scenario: Scenario) -> list[Load]:
 
 def _control_instants(scenario: Scenario) -> Iterator[Array]:
     """Start times (s) of a flight's control periods, in blocks (K,)."""
-    rate = scenario.rates.control
-    # rounding of the product must not add a period
-    count = math.ceil(scenario.duration * rate - 1e-9)
-    for first in range(0, count, AT_ONCE):
-        yield np.arange(first, min(first + AT_ONCE, count)) / rate
+    for first in range(0, scenario.steps, AT_ONCE):
+        block = np.arange(first, min(first + AT_ONCE, scenario.steps))
+        yield block / scenario.rates.control
 
 
 def _first(times: Array, reached: Mask) -> float:

@@ -20,7 +20,6 @@ from skyarm.studies.assess.finding import (
     OK,
     WARNING,
     Concern,
-    Details,
     Finding,
     at_most,
 )
@@ -41,12 +40,11 @@ def joint_torques(poses: ArmPoses) -> list[Finding]:
     least, at = poses.worst(lambda joints: -np.abs(poses.efforts(joints)[WRENCH:]))
     static = np.where(-least > NOTHING, -least, 0.0)
     findings = []
-    for link, limit, value, pose in zip(
-        vehicle.links, effort_limits(vehicle), static, at, strict=True
+    for joint, limit, value, pose in zip(
+        vehicle.joints, effort_limits(vehicle), static, at, strict=True
     ):
-        joint = link.joint
-        unit = link.joint.units[1]
-        name = f"joints[{link.joint.name}]"
+        unit = joint.units[1]
+        name = f"joints[{joint.name}]"
         question = f"{name} static effort{load}"
         if float(joint.effort_limit) == 0.0:
             findings.append(Finding(question, NOTE, "passive: no drive holds it", name))
@@ -62,13 +60,18 @@ def joint_torques(poses: ArmPoses) -> list[Finding]:
         stated = f" of {limit:g}" if limit < math.inf else ", no limit stated"
         text = f"up to {value:.3g} {unit}{stated} to hold the arm"
         remedy = f"a stronger drive ({stronger}) or a lighter, shorter arm"
-        shown = float(limit) if limit < math.inf else math.nan
-        more = Details(
-            limit=shown, unit=unit, joints=pose, concerns=Concern.STATIC_EFFORT
-        )
         findings.append(
             at_most(
-                question, float(value), text, field, remedy, fault=float(limit), **more
+                question,
+                float(value),
+                text,
+                field,
+                remedy,
+                fault=float(limit),
+                limit=float(limit) if limit < math.inf else math.nan,
+                unit=unit,
+                joints=pose,
+                concerns=Concern.STATIC_EFFORT,
             )
         )
     return findings
@@ -100,12 +103,11 @@ OFTEN = 0.05
 
 def servos(scenario: Scenario) -> list[tuple[int, Servo]]:
     """Servos of a scenario, each with the index of the joint that it drives."""
-    given = {each.joint: each.drive for each in scenario.agent.joint_drives}
-    named = [
-        (i, given.get(joint.name))
-        for i, joint in enumerate(scenario.agent.vehicle.joints)
+    return [
+        (i, drive)
+        for i, drive in enumerate(scenario.agent.all_drives)
+        if isinstance(drive, Servo)
     ]
-    return [(i, drive) for i, drive in named if isinstance(drive, Servo)]
 
 
 def servo_speeds(
@@ -122,7 +124,7 @@ def servo_speeds(
     """
     findings = []
     for i, servo in servos(scenario):
-        joint = scenario.agent.vehicle.links[i].joint
+        joint = scenario.agent.vehicle.joints[i]
         top = min(float(servo.speed_limit), servo.no_load_speed)
         if math.isinf(top):
             continue

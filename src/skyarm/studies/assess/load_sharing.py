@@ -13,11 +13,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skyarm.algebra import Sym3, Vec3
+from skyarm.algebra import Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.surroundings import motions_of
 from skyarm.records.arrays import Array, doubles, float_array, lengths, norm
@@ -29,7 +30,7 @@ from skyarm.studies.assess.finding import NOTE, OK, WARNING, Finding
 from skyarm.studies.assess.flight_loads import Load
 from skyarm.studies.assess.joints import joint_torques
 from skyarm.studies.assess.thrust import ENOUGH, thrust_margin, torque_authority
-from skyarm.vehicle import Body, Vehicle
+from skyarm.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from skyarm.world.contact.contact import Contact
@@ -214,7 +215,7 @@ def _balance(
             f"turns in grasp {grasps[i].label}: its patch holds {most[i]:.3g} N m of"
             f" {torque[i]:.3g} N m"
         )
-    elif np.linalg.norm(left[:3]) > LEVER * weight:
+    elif norm(left[:3]) > LEVER * weight:
         departure = f"swings: {pivot} cannot pull straight up from where it begins"
     elif np.any(np.abs(free[3:5]) > LEVER) and (lever > LEVER or below < -LEVER):
         departure = (
@@ -368,17 +369,7 @@ def carried_loads(
         if each.body != team.object or not own or not mass > 0.0:
             continue
 
-        def point(
-            vehicle: Vehicle,
-            frame: str | None = own[0].frame or None,
-            mass: float = mass,
-        ) -> tuple[int, Body]:
-            # called after the loop, hence its frame and mass as defaults
-            at = vehicle.frame(frame)
-            return at.link, Body(
-                mass=mass, com=at.position, inertia=Sym3(0.0, 0.0, 0.0)
-            )
-
+        body = partial(Vehicle.point_mass, mass=mass, frame=own[0].frame or None)
         opened = min(float(grasp.release) for grasp in own)
         loads.append(
             Load(
@@ -386,7 +377,7 @@ def carried_loads(
                 float(team.motion.lift),
                 min(float(team.motion.stop), opened),
                 mass,
-                point,
+                body,
             )
         )
     return loads

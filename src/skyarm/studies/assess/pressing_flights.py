@@ -23,7 +23,7 @@ from skyarm.dynamics.kinematics import frame_pose, jacobian_columns, link_poses
 from skyarm.log.flight_log import Log
 from skyarm.log.metrics.score import score
 from skyarm.plant.largest_step import divisions
-from skyarm.records.arrays import Array, float_array
+from skyarm.records.arrays import Array, doubles, float_array, norm
 from skyarm.reference.trajectory import Reference
 from skyarm.scenario.endings import RotorContact
 from skyarm.scenario.numbers import number_at
@@ -220,7 +220,7 @@ def contact_steps(scenario: Scenario, at: Reference) -> list[Finding]:
     period = scenario.rates.period
     joints = tuple(map(float, at.joints))
     push = push_on_level_base(at)
-    mass = tip_mass(vehicle, joints, push / np.linalg.norm(push))
+    mass = tip_mass(vehicle, joints, push / norm(push))
     step = float(contact.largest_verlet_step or 0.0)
     hardest = max(
         (float(each.material.stiffness) for each in contact.surfaces), default=0.0
@@ -353,10 +353,10 @@ def tip_mass(vehicle: Vehicle, joints: tuple[float, ...], normal: Array) -> floa
 
     Source: Khatib 1987, operational space.
     """
-    M = np.array(mass_matrix(vehicle, Mat3.identity(), joints), dtype=float)
+    M = doubles(mass_matrix(vehicle, Mat3.identity(), joints))
     tip = float_array(frame_pose(vehicle, vehicle.frame(), joints).p)
     arm = [
-        normal @ [float(c) for c in each.linear]
+        normal @ float_array(each.linear)
         for each in jacobian_columns(vehicle, vehicle.frame(), joints)
     ]
     row = np.array([*normal, *np.cross(tip, normal), *arm])

@@ -89,9 +89,7 @@ def push_on_level_base(at: Reference) -> Array:
     """Contact force (N) of the surface on the tip, in the axes of a level base."""
     force, _, *normal = map(float, at.push[:5])
     # into the axes of the base: by the yaw, backwards
-    x, y, z = normal
-    c, s = math.cos(float(at.yaw)), math.sin(float(at.yaw))
-    return force * np.array([c * x + s * y, c * y - s * x, z])
+    return force * float_array(Vec3(*normal).about_z(-float(at.yaw)))
 
 
 def pushing_efforts(
@@ -154,11 +152,10 @@ def _joints(scenario: Scenario, at: Reference) -> list[Finding]:
     shares = np.abs(efforts) / limits
     i = int(np.argmax(shares))
     share = float(shares[i])
-    name = vehicle.links[i].joint.name
-    unit = vehicle.links[i].joint.units[1]
+    joint = vehicle.joints[i]
     text = (
         f"{float(at.push[0]):.3g} N take {abs(efforts[i]):.3g} of {limits[i]:.3g}"
-        f" {unit} at joint {name}"
+        f" {joint.units[1]} at joint {joint.name}"
     )
     remedy = "less force, or a pose with the tip nearer to the joint's height"
     return [
@@ -232,9 +229,7 @@ def _guards(scenario: Scenario, speed: float) -> list[Finding]:
             driven = (
                 (float(guard.force) - bears) / float(thing.mass) * float(guard.hold)
             )
-            ahead = n @ away > 0.0 and np.linalg.norm(np.cross(n, away)) < 0.5 * max(
-                thing.size
-            )
+            ahead = n @ away > 0.0 and norm(np.cross(n, away)) < 0.5 * max(thing.size)
             if ahead and driven > speed:
                 text = (
                     f"object {thing.name} slides away from {bears:.2g} N:"
@@ -309,13 +304,11 @@ def push_errors(
     errors = part_of(scenario.agent.controller.par, "interaction").errors
     place = levers(vehicle, Mat3.identity(), joints)
     shares = np.array(
-        effort_shares(errors, place, Vec3(*(push / np.linalg.norm(push)))), dtype=float
+        effort_shares(errors, place, Vec3(*(push / norm(push)))), dtype=float
     )
     loads, weights = (
         shares * pushing_efforts(scenario, joints, force)
         for force in (push, 0.0 * push)
     )
-    independent = math.hypot(
-        by.torques * np.linalg.norm(loads), by.masses * np.linalg.norm(weights)
-    )
+    independent = math.hypot(by.torques * norm(loads), by.masses * norm(weights))
     return float(abs(by.torques * loads.sum())), independent

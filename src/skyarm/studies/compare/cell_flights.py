@@ -16,7 +16,7 @@ import numpy as np
 from skyarm.log.metrics.metric_catalogue import EFFORTS, GRASPS, row_names
 from skyarm.log.metrics.shortfall import LARGEST_ERROR, TILTED
 from skyarm.records.arrays import AnyArray as Array
-from skyarm.records.arrays import Mask
+from skyarm.records.arrays import Columns, Mask
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.registry import names as registered
 from skyarm.scenario.in_flight import is_traceable
@@ -54,8 +54,8 @@ METRICS = (
 every joint's effort."""
 
 ONE_BY_ONE = 8
-"""Number of perturbed plants of a law whose flights fly one by one, each about a thousand
-times as long as in a batch."""
+"""Number of perturbed plants of a law whose flights fly one by one, each about a
+thousand times as long as in a batch."""
 
 Record = Mapping[str, Any]
 """Plain data of a results file."""
@@ -187,7 +187,7 @@ class CellFlights:
             built.with_kind(self.plant).with_controller(controller), seed=self.seed
         )
 
-    def values(self, scenario: Scenario) -> dict[str, Array]:
+    def values(self, scenario: Scenario) -> Columns:
         """Perturbed parameters of the flights: parameter path -> values (flights,)."""
         spread = self.condition.spread
         # drawn about the case as it is, whatever flies: every law meets the same plants
@@ -255,7 +255,7 @@ class TrialFlights(CellFlights):
     setting: TrialSetting
     points: tuple[float, ...]
 
-    def numbers(self, count: int) -> dict[str, Array]:
+    def numbers(self, count: int) -> Columns:
         """Numbers of ``count`` flights at each value: parameter path -> values
         (flights,).
         """

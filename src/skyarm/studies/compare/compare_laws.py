@@ -16,21 +16,18 @@ from skyarm.studies.compare.comparison import SUITE, Comparison
 from skyarm.studies.compare.contact_suite import CONTACT, ContactSuite
 from skyarm.studies.compare.contact_tasks import OWN
 from skyarm.studies.compare.entrants import chosen_entrants, chosen_laws
-from skyarm.studies.compare.envelope import ENVELOPE, Envelope
+from skyarm.studies.compare.envelope import Envelope
 from skyarm.studies.compare.own_scenario import OwnScenario
 from skyarm.studies.compare.run_suite import Suite, fly_suite
 from skyarm.studies.compare.suite_file import load_suite
-from skyarm.studies.compare.survive import SURVIVE, SurviveSuite
-from skyarm.studies.compare.team_suite import TEAM, TeamSuite
+from skyarm.studies.compare.survive import SurviveSuite
+from skyarm.studies.compare.team_suite import TeamSuite
 from skyarm.studies.flights.executor import Progress
 from skyarm.view.pages import Report, section
 
 SUITES: dict[str, type[Suite[Any]]] = {
-    SUITE: Comparison,
-    ENVELOPE: Envelope,
-    SURVIVE: SurviveSuite,
-    CONTACT: ContactSuite,
-    TEAM: TeamSuite,
+    suite.name: suite
+    for suite in (Comparison, Envelope, SurviveSuite, ContactSuite, TeamSuite)
 }
 
 

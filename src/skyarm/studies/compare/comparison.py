@@ -6,12 +6,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
-from itertools import chain
+from itertools import chain, product
 
 from skyarm.records.immutable import immutable
 from skyarm.studies.compare.cell_flights import CellFlights, Document, Record
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
-from skyarm.studies.compare.run_suite import DPI, Refused, SummarySuite
+from skyarm.studies.compare.run_suite import DPI, Pngs, Refused, SummarySuite
 from skyarm.studies.compare.suite import CASES, Condition, conditions
 from skyarm.studies.trial.table import COLUMNS, TableColumn, report_of
 from skyarm.view.figures.comparison_figures import Share, laws_figure
@@ -29,6 +29,10 @@ BRIEF, WIDEST = ("step", "part"), "case3_wind"
 effect of a part of a law."""
 
 
+Entrants = Mapping[str, Entrant]
+"""Controllers by name, in the order of the tables."""
+
+
 @immutable
 class Comparison(SummarySuite[CellFlights]):
     """Benchmark that compares all shipped controllers on the same cases and perturbed
@@ -40,7 +44,7 @@ class Comparison(SummarySuite[CellFlights]):
         plant: "rigid_body" or "mujoco".
     """
 
-    entrants: Mapping[str, Entrant] = field(default_factory=lambda: ENTRANTS)
+    entrants: Entrants = field(default_factory=lambda: ENTRANTS)
     conditions: Mapping[str, Condition] = field(default_factory=conditions)
     seed: int = 0
     plant: str = "rigid_body"
@@ -60,30 +64,26 @@ class Comparison(SummarySuite[CellFlights]):
             "plant": self.plant,
         }
 
-    def flights(self) -> list[CellFlights]:
-        """All flights of the comparison, grouped by controller, condition and case."""
-        cells = list[CellFlights]()
-        for entrant in self.entrants.values():
-            for condition in self.conditions.values():
-                brief = condition.spread is not None and entrant.group in BRIEF
-                cells += [
-                    CellFlights(
-                        entrant=entrant,
-                        case=CASES[case],
-                        condition=condition,
-                        seed=self.seed,
-                        plant=self.plant,
-                    )
-                    for case in condition.cases
-                    if not brief or case == WIDEST
-                ]
-        return cells
-
     def plan_cells(self) -> tuple[list[CellFlights], Refused]:
-        """All flights of the comparison, and an empty mapping, since no controller is
-        excluded.
+        """All flights of the comparison, grouped by controller, condition and case; no
+        controller is excluded.
         """
-        return self.flights(), {}
+        cells = list[CellFlights]()
+        groups = product(self.entrants.values(), self.conditions.values())
+        for entrant, condition in groups:
+            brief = condition.spread is not None and entrant.group in BRIEF
+            cells += [
+                CellFlights(
+                    entrant=entrant,
+                    case=CASES[case],
+                    condition=condition,
+                    seed=self.seed,
+                    plant=self.plant,
+                )
+                for case in condition.cases
+                if not brief or case == WIDEST
+            ]
+        return cells, {}
 
     def pictures(self, found: Record) -> dict[str, bytes]:
         """Pictures of the comparison report by file name: errors and success rates of
@@ -91,9 +91,7 @@ class Comparison(SummarySuite[CellFlights]):
         """
         return {"laws.png": comparison_picture(found, list(self.entrants))}
 
-    def report(
-        self, found: Record, pictures: Mapping[str, bytes] | None = None
-    ) -> Report:
+    def report(self, found: Record, pictures: Pngs = None) -> Report:
         """Comparison report with one table for each condition, such as noisy
         measurements.
         """
@@ -210,7 +208,7 @@ def title_of(laws: Sequence[str]) -> str:
 
 def comparison_report(
     found: Record,
-    entrants: Mapping[str, Entrant],
+    entrants: Entrants,
     conditions: Mapping[str, Condition],
     picture: bytes | None = None,
 ) -> Report:
@@ -243,7 +241,7 @@ def comparison_report(
 
 
 def main_sections(
-    found: Record, entrants: Mapping[str, Entrant], conditions: Mapping[str, Condition]
+    found: Record, entrants: Entrants, conditions: Mapping[str, Condition]
 ) -> list[Section]:
     """Report sections, one for each simulated condition, with the errors of all
     controllers.
@@ -268,9 +266,7 @@ def main_sections(
     return sections
 
 
-def _tables(
-    summaries: Record, entrants: Mapping[str, Entrant], condition: Condition
-) -> list[Table]:
+def _tables(summaries: Record, entrants: Entrants, condition: Condition) -> list[Table]:
     if condition.spread:
         words = ("success", "tip, mm: mean / 95 %", "jitter, rad/s; at a limit, %")
         heads = [f"{case} {word}" for case in condition.cases for word in words]
@@ -290,7 +286,7 @@ def _tables(
 def _table_by_kind(
     heads: Sequence[str],
     rows: list[list[str]],
-    entrants: Mapping[str, Entrant],
+    entrants: Entrants,
     caption: str,
 ) -> Table:
     """Results table with its rows grouped by kind of controller, such as published
@@ -307,7 +303,7 @@ def _table_by_kind(
 
 
 def truth_rows(
-    summaries: Record, entrants: Mapping[str, Entrant], columns: Sequence[TableColumn]
+    summaries: Record, entrants: Entrants, columns: Sequence[TableColumn]
 ) -> list[list[str]]:
     """Table rows of errors on the unperturbed plant, one per controller with any
     result.
@@ -326,7 +322,7 @@ def truth_rows(
 
 
 def plants_rows(
-    summaries: Record, entrants: Mapping[str, Entrant], cases: Sequence[str]
+    summaries: Record, entrants: Entrants, cases: Sequence[str]
 ) -> list[list[str]]:
     """Table rows for perturbed plants: success rate with interval and tip error of each
     controller.

@@ -7,13 +7,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from itertools import product
 
 import numpy as np
 
 from skyarm.control.controller import ControllerError
 from skyarm.log.metrics.interaction import BAND
-from skyarm.records.arrays import AnyArray as Array
-from skyarm.records.arrays import Mask
+from skyarm.records.arrays import Columns, Mask
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.cell_flights import Cell, CellFlights, Document, Record
@@ -27,7 +27,7 @@ from skyarm.studies.compare.contact_tasks import (
 )
 from skyarm.studies.compare.contact_worlds import Worlds, draw_worlds
 from skyarm.studies.compare.entrants import Entrant
-from skyarm.studies.compare.run_suite import Refused, Suite
+from skyarm.studies.compare.run_suite import Pngs, Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.sweep.expressions import read_expression
 from skyarm.studies.trial.table import (
@@ -81,7 +81,7 @@ class ContactFlights(CellFlights):
         """
         return worlds_of(self.case.name, self.condition.episodes, self.seed)
 
-    def values(self, scenario: Scenario) -> dict[str, Array]:
+    def values(self, scenario: Scenario) -> Columns:
         """Perturbed surroundings and plants of the flights: parameter path -> values
         (flights,).
         """
@@ -124,54 +124,44 @@ class ContactSuite(Suite[ContactFlights]):
     name, file, folder = CONTACT, "contact", "out/contact"
     settings = ("worlds", "seed", "plant")
 
-    def flights(self) -> list[ContactFlights]:
-        """All flights of the contact benchmark, grouped by task, controller and
-        condition.
+    def plan_cells(self) -> tuple[list[ContactFlights], Refused]:
+        """All flights of the contact benchmark, and reasons why a controller is
+        excluded from a task.
+
+        They are grouped by task, controller and condition.
         """
         conditions = [
             Condition(name=name, noisy=name == "noisy", episodes=self.worlds)
             for name in CONDITIONS
         ]
-        cells = list[ContactFlights]()
-        for task in self.tasks:
-            for law in self.laws:
-                if not flies_its_own(TASKS[task], law):
-                    continue
-                cells += [
-                    ContactFlights(
-                        entrant=Entrant(name=law, law=law),
-                        case=Case(name=task),
-                        condition=condition,
-                        plant=self.plant,
-                        seed=self.seed,
-                    )
-                    for condition in conditions
-                ]
-        return cells
-
-    def plan_cells(self) -> tuple[list[ContactFlights], dict[str, str]]:
-        """All flights of the contact benchmark, and reasons why a controller is
-        excluded from a task.
-        """
         flown = list[ContactFlights]()
         refused = dict[str, str]()
-        for each in self.flights():
+        for task, law, condition in product(self.tasks, self.laws, conditions):
+            if not flies_its_own(TASKS[task], law):
+                continue
+            cell = ContactFlights(
+                entrant=Entrant(name=law, law=law),
+                case=Case(name=task),
+                condition=condition,
+                plant=self.plant,
+                seed=self.seed,
+            )
             try:
                 # refuses a law that does not fit
-                each.scenario()
-                flown.append(each)
+                cell.scenario()
+                flown.append(cell)
             except ControllerError as error:
-                refused[f"{each.entrant.name} in {each.case.name}"] = str(error)
+                refused[f"{law} in {task}"] = str(error)
         return flown, refused
 
     def judge(
-        self, todo: Sequence[ContactFlights], cells: Sequence[Cell], refused: Refused
+        self, flown: Sequence[tuple[ContactFlights, Cell]], refused: Refused
     ) -> Document:
         """Evaluate flights of contact tasks: success rates, failure causes and errors,
         as plain data.
         """
         tasks: Document = {}
-        for flights, cell in zip(todo, cells, strict=True):
+        for flights, cell in flown:
             condition, name, law = flights.name
             if name not in tasks:
                 empty: Document = {each: {} for each in CONDITIONS}
@@ -190,9 +180,7 @@ class ContactSuite(Suite[ContactFlights]):
             )
         return {"laws": list(self.laws), "not_flown": dict(refused), "tasks": tasks}
 
-    def report(
-        self, found: Record, pictures: Mapping[str, bytes] | None = None
-    ) -> Report:
+    def report(self, found: Record, pictures: Pngs = None) -> Report:
         """Report of the contact benchmark with success rates and median errors."""
         return contact_report(found)
 

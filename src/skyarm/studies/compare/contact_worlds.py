@@ -15,7 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from skyarm.algebra.scalars.philox import uniforms
-from skyarm.records.arrays import Array, Mask
+from skyarm.records.arrays import Array, Columns, Mask, norm
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.joints import effort_limits
@@ -142,7 +142,7 @@ def feasible_worlds(
 
 def _numbers(
     task: ContactTask, scenario: Scenario, drawn: Mapping[str, Array], share: Array
-) -> dict[str, Array]:
+) -> Columns:
     """Perturbed parameters of a contact task: parameter path -> values (scenarios,)."""
     wind = on_sphere(2.0 * share[:, 6] - 1.0, 2.0 * math.pi * share[:, 7])
     normal = _tilt(task.normal, NORMAL * share[:, 8], 2.0 * math.pi * share[:, 9])
@@ -180,7 +180,7 @@ def _tilt(
     n = np.array(normal)
     # the axis that n is least along has a cross product far from zero
     first = np.cross(n, np.eye(3)[int(np.argmin(np.abs(n)))])
-    first /= np.linalg.norm(first)
+    first /= norm(first)
     second = np.cross(n, first)
     side = np.outer(first, np.cos(azimuth)) + np.outer(second, np.sin(azimuth))
     return list(np.cos(angle) * n[:, None] + np.sin(angle) * side)

@@ -7,14 +7,14 @@ by value where they are not.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from skyarm.control.controller import ControllerError
 from skyarm.log.metrics.windows import Window, Windows
-from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.arrays import Columns
 from skyarm.records.immutable import immutable
 from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.scenario_record import Scenario
@@ -39,7 +39,7 @@ from skyarm.studies.compare.envelope_axes import (
     axis_words,
     plants_at,
 )
-from skyarm.studies.compare.run_suite import DPI, Refused, Suite
+from skyarm.studies.compare.run_suite import DPI, Pngs, Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.trial.facts import DURATION, PAPER, TrialSetting, setting_of
 from skyarm.studies.trial.table import refusals, report_of
@@ -89,7 +89,7 @@ class AxisFlights(TrialFlights):
         )
         return built.with_controller(controller_by_name(built, self.entrant.law))
 
-    def values(self, scenario: Scenario) -> dict[str, Array]:
+    def values(self, scenario: Scenario) -> Columns:
         """Parameters that vary along the difficulty axis: parameter path -> values
         (flights,).
         """
@@ -212,7 +212,7 @@ class Envelope(Suite[AxisFlights]):
             else axis
         )
 
-    def plan_cells(self) -> tuple[list[AxisFlights], dict[str, str]]:
+    def plan_cells(self) -> tuple[list[AxisFlights], Refused]:
         """All flights of the envelope, and reasons why a controller is excluded."""
         cells: list[AxisFlights] = []
         refused: dict[str, str] = {}
@@ -235,7 +235,7 @@ class Envelope(Suite[AxisFlights]):
         return cells, refused
 
     def judge(
-        self, todo: Sequence[AxisFlights], cells: Sequence[Cell], refused: Refused
+        self, flown: Sequence[tuple[AxisFlights, Cell]], refused: Refused
     ) -> Document:
         """Evaluate the envelope: errors of every controller at every value of every
         difficulty axis.
@@ -244,7 +244,7 @@ class Envelope(Suite[AxisFlights]):
             name: axis_record(self.axis(name), self.setting_of_axis(name))
             for name in self.flyable_axes
         }
-        for flights, cell in zip(todo, cells, strict=True):
+        for flights, cell in flown:
             points = points_of(cell, flights.trial, len(flights.points))
             axes[flights.case.name]["laws"].setdefault(flights.entrant.name, []).extend(
                 points
@@ -261,9 +261,7 @@ class Envelope(Suite[AxisFlights]):
             "envelope.png": image_bytes(envelope_figure(panels, found["laws"]), dpi=DPI)
         }
 
-    def report(
-        self, found: Record, pictures: Mapping[str, bytes] | None = None
-    ) -> Report:
+    def report(self, found: Record, pictures: Pngs = None) -> Report:
         """Envelope report: a summary, and a table for each difficulty axis."""
         return envelope_report(found, (pictures or {}).get("envelope.png"))
 

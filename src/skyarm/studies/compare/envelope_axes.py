@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import E_X, Vec3
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Columns
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import walk
 from skyarm.reference import Constant, Product, Signal, Sum, signal_from
@@ -138,7 +138,7 @@ def axis_words(name: str) -> str:
 
 def plants_at(
     setting: TrialSetting, scenario: Scenario, times: float, count: int, *, seed: int
-) -> dict[str, Array]:
+) -> Columns:
     """Perturbed plants at one axis value: parameter path -> values (plants,).
 
     Args:

@@ -23,7 +23,7 @@ from skyarm.simulate.draws import draws_needed
 from skyarm.studies.compare.cell_flights import CellFlights, Document, Record
 from skyarm.studies.compare.comparison import title_of
 from skyarm.studies.compare.entrants import Entrant
-from skyarm.studies.compare.run_suite import Refused, SummarySuite
+from skyarm.studies.compare.run_suite import Pngs, Refused, SummarySuite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.trial.table import COLUMNS, TableColumn, refusals, report_of
 from skyarm.view.pages import Report, Section, table_of
@@ -105,7 +105,7 @@ class OwnScenario(SummarySuite[GivenFlights]):
     @property
     def name(self) -> str:  # type: ignore[override]
         """Name of the compared scenario, as in its file."""
-        return self.plan_cells()[0][0].case.name
+        return as_scenario(self.scenario).name
 
     def plan_cells(self) -> tuple[list[GivenFlights], Refused]:
         """Flights of each controller, and reasons why usual laws do not fly; a law that
@@ -119,46 +119,43 @@ class OwnScenario(SummarySuite[GivenFlights]):
             ControllerError: two names of one law.
         """
         require_different(self.laws, "--laws")
-        named = [law for law in self.laws if law != OWN]
-        # the options that the warning would miss fly beside
-        beside = OWN in self.laws
-        refused = dict[str, str]()
-        for name in named:
-            try:
-                # refuses a name of no law before the first flight
-                _under(self.scenario, name, quiet=beside)
-            # of the default laws those fly that fit; a law that was named must
-            except ValueError as error:
-                if tuple(self.laws) != LAWS:
-                    raise
-                refused[name] = str(error)
-        named = [name for name in named if name not in refused]
         options = self.options
         own = as_scenario(self.scenario).with_kind(options["plant"])
-        condition = Condition(
-            name=AS_GIVEN, episodes=self.seeds if has_chance(own) else 1
-        )
         options |= {
             "case": Case(name=own.name),
-            "condition": condition,
+            "condition": Condition(
+                name=AS_GIVEN, episodes=self.seeds if has_chance(own) else 1
+            ),
             "given": self.scenario,
         }
-        same = [
-            n
-            for n in named
-            if identity(own)
-            == identity(_under(self.scenario, n, quiet=True).with_kind(own.kind))
-        ]
-        if tuple(self.laws) == LAWS:  # of these none was asked for by its name
-            named = [name for name in named if name not in same]
+        # of the usual laws none was asked for by its name
+        usual = tuple(self.laws) == LAWS
+        flown, same = list[str](), list[str]()
+        refused = dict[str, str]()
+        for name in self.laws:
+            if name == OWN:
+                continue
+            try:
+                # refuses a name of no law before the first flight; where the file's
+                # own options fly beside, no warning says that they are lost
+                under = _under(self.scenario, name, quiet=OWN in self.laws)
+            # of the usual laws those fly that fit; a law that was named must
+            except ValueError as error:
+                if not usual:
+                    raise
+                refused[name] = str(error)
+                continue
+            if identity(own) == identity(under.with_kind(own.kind)):
+                same.append(name)
+            if not usual or name not in same:
+                flown.append(name)
         twice = own.autopilot is not None and own.agent.controller.name in same
-        own_law = () if twice or OWN not in self.laws else (OWN,)
-        entrants = [Entrant(name=name, law=name) for name in (*own_law, *named)]
+        if OWN in self.laws and not twice:
+            flown.insert(0, OWN)
+        entrants = [Entrant(name=name, law=name) for name in flown]
         return [GivenFlights(entrant=each, **options) for each in entrants], refused
 
-    def report(
-        self, found: Record, pictures: Mapping[str, bytes] | None = None
-    ) -> Report:
+    def report(self, found: Record, pictures: Pngs = None) -> Report:
         """Comparison report with one table: a row per controller and vehicle, means
         over completed flights.
         """

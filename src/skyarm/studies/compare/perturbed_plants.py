@@ -14,7 +14,7 @@ import numpy as np
 from skyarm import dynamics
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.dynamics.actuators.hover import hover_trim
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, Columns
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.scenario.numbers import number_at
@@ -73,9 +73,7 @@ class Spread:
     ] = 0.010
 
 
-def draw(
-    scenario: Scenario, spread: Spread, count: int, *, seed: int
-) -> dict[str, Array]:
+def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> Columns:
     """Draw perturbed plants: parameter path -> values (plants,), the same for all
     compared controllers.
 
@@ -96,7 +94,7 @@ def draw(
     com = draw_signed(CHANNEL_COM, 3 * len(bodies))
     inertia = draw_signed(CHANNEL_INERTIA, len(bodies))
     world = draw_signed(CHANNEL_WORLD, 4)
-    values: dict[str, Array] = {}
+    values: Columns = {}
 
     def scale(path: str, factor: Array) -> None:
         values[path] = number_at(scenario, path) * factor
@@ -246,9 +244,7 @@ def thrust_margin(vehicle: Vehicle, gravity: float) -> float:
     return min(shares, default=math.inf)
 
 
-def fitted_damping(
-    scenario: Scenario, spread: Spread, values: dict[str, Array]
-) -> dict[str, Array]:
+def fitted_damping(scenario: Scenario, spread: Spread, values: Columns) -> Columns:
     """Rescale the drawn joint dampings to lie between zero and a limit from joint
     inertia or nominal damping.
 

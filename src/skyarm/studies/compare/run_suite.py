@@ -45,6 +45,9 @@ F = TypeVar("F", bound=CellFlights)
 Refused = Mapping[str, str]
 """Law, or law and trial -> reason why it does not fly."""
 
+Pngs = Mapping[str, bytes] | None
+"""Pictures of a report by their file names; None for a report without any."""
+
 
 class Suite(ABC, Generic[F]):
     """Base class of controller benchmarks: the flights to simulate, their evaluation
@@ -71,9 +74,7 @@ class Suite(ABC, Generic[F]):
         """All flights of a benchmark, and reasons why a controller is excluded."""
 
     @abstractmethod
-    def judge(
-        self, todo: Sequence[F], cells: Sequence[Cell], refused: Refused
-    ) -> Document:
+    def judge(self, flown: Sequence[tuple[F, Cell]], refused: Refused) -> Document:
         """Evaluate all flights of a benchmark; returns the results as plain data."""
 
     def pictures(self, found: Record) -> dict[str, bytes]:
@@ -81,9 +82,7 @@ class Suite(ABC, Generic[F]):
         return {}
 
     @abstractmethod
-    def report(
-        self, found: Record, pictures: Mapping[str, bytes] | None = None
-    ) -> Report:
+    def report(self, found: Record, pictures: Pngs = None) -> Report:
         """Build the report of a benchmark from its results."""
 
 
@@ -92,13 +91,11 @@ class SummarySuite(Suite[F]):
     condition.
     """
 
-    def judge(
-        self, todo: Sequence[F], cells: Sequence[Cell], refused: Refused
-    ) -> Document:
+    def judge(self, flown: Sequence[tuple[F, Cell]], refused: Refused) -> Document:
         """Statistics of the metrics for every controller, case and condition, and why
         others do not fly.
         """
-        named = {flights.name: cell for flights, cell in zip(todo, cells, strict=True)}
+        named = {flights.name: cell for flights, cell in flown}
         return {"summaries": table(named)} | (
             {"not_flown": dict(refused)} if refused else {}
         )
@@ -150,7 +147,8 @@ def fly_suite(
             if identities():
                 document["plugins"] = identities()
             # cells land in any order; the report keeps that of the plan
-            document |= suite.judge(todo, [cells[each.label] for each in todo], refused)
+            pairs = [(each, cells[each.label]) for each in todo]
+            document |= suite.judge(pairs, refused)
             write_suite(suite, document, suite.pictures(document), folder)
             if store:
                 columns = [

@@ -4,14 +4,12 @@ perfect to perturbed.
 
 from __future__ import annotations
 
-import math
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from importlib import resources
 from typing import Any
 
-from skyarm.algebra import Vec3
 from skyarm.log.metrics.windows import Windows
 from skyarm.records.files import Fields
 from skyarm.records.immutable import immutable
@@ -83,15 +81,13 @@ def turn_wind(wind: ForceWind, angle: float) -> ForceWind:
     """Wind with its mean rotated about the vertical by an angle, and an unchanged
     gust.
     """
+    # zeros that are whole numbers, and fold away in compiled code, stay so
     if not angle:
         return wind
-    c, s = math.cos(angle), math.sin(angle)
-
-    def turn(v: Vec3) -> Vec3:
-        return Vec3(c * v.x - s * v.y, s * v.x + c * v.y, v.z)
-
     return replace(
-        wind, force_W=turn(wind.force_W), air_velocity_W=turn(wind.air_velocity_W)
+        wind,
+        force_W=wind.force_W.about_z(angle),
+        air_velocity_W=wind.air_velocity_W.about_z(angle),
     )
 
 

@@ -27,8 +27,7 @@ from skyarm.log.metrics.metric_catalogue import (
     row_names,
 )
 from skyarm.log.metrics.windows import Windows
-from skyarm.records.arrays import AnyArray as Array
-from skyarm.records.arrays import Mask
+from skyarm.records.arrays import Columns, Mask
 from skyarm.records.files import (
     Fields,
     PathLike,
@@ -59,7 +58,7 @@ from skyarm.studies.compare.cell_flights import (
 )
 from skyarm.studies.compare.entrants import Entrant, chosen_laws
 from skyarm.studies.compare.own_scenario import has_chance
-from skyarm.studies.compare.run_suite import Refused, Suite
+from skyarm.studies.compare.run_suite import Pngs, Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.flights import Work
 from skyarm.studies.sweep.design import Design, values
@@ -177,7 +176,7 @@ class FileFlights(TrialFlights):
             self.trial.scenario(self.setting, self.points[0]), seed=self.seed
         )
 
-    def values(self, scenario: Scenario) -> dict[str, Array]:
+    def values(self, scenario: Scenario) -> Columns:
         """Numbers of the flights: parameter path -> values (flights,)."""
         count = self.trial.flights
         drawn = values(
@@ -318,13 +317,13 @@ class FileSuite(Suite[FileFlights]):
         return apart
 
     def judge(
-        self, todo: Sequence[FileFlights], cells: Sequence[Cell], refused: Refused
+        self, flown: Sequence[tuple[FileFlights, Cell]], refused: Refused
     ) -> Document:
         """Evaluate the suite: of each trial, law and value the flights, successes and
         means of the metrics.
         """
         trials: Document = {}
-        for flights, cell in zip(todo, cells, strict=True):
+        for flights, cell in flown:
             trial = flights.trial
             _, name, law = flights.name
             entry = trials.setdefault(
@@ -334,15 +333,9 @@ class FileSuite(Suite[FileFlights]):
             # a dict keeps the order: each cell adds its points once
             entry["values"] |= dict.fromkeys(flights.points)
             points = entry["laws"].setdefault(law, [])
-            for k, _ in enumerate(flights.points):
-                points.append(
-                    _point(
-                        cell,
-                        slice(k * trial.flights, (k + 1) * trial.flights),
-                        self.metrics,
-                        trial,
-                    )
-                )
+            for first in range(0, len(flights.points) * trial.flights, trial.flights):
+                rows = slice(first, first + trial.flights)
+                points.append(_point(cell, rows, self.metrics, trial))
         for entry in trials.values():
             entry["values"] = list(map(float, entry["values"]))
         return {
@@ -352,9 +345,7 @@ class FileSuite(Suite[FileFlights]):
             "trials": trials,
         }
 
-    def report(
-        self, found: Record, pictures: Mapping[str, bytes] | None = None
-    ) -> Report:
+    def report(self, found: Record, pictures: Pngs = None) -> Report:
         """Report with a section for each trial, and a table for each metric in it."""
         vehicle = (
             f"{found['vehicle'] or PAPER}, "

@@ -14,7 +14,7 @@ import numpy as np
 
 from skyarm.control.controller import ControllerError
 from skyarm.log.metrics.windows import LAST, Window, Windows
-from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.arrays import Columns
 from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
@@ -22,7 +22,7 @@ from skyarm.studies.assess.survival_limits import LAST_TILT, lost
 from skyarm.studies.compare.cell_flights import Cell, CellFlights, Document, Record
 from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.faulty_sensors import START
-from skyarm.studies.compare.run_suite import Refused, Suite
+from skyarm.studies.compare.run_suite import Pngs, Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.compare.survive_trials import TRIALS, SurviveTrial
 from skyarm.studies.trial.facts import PAPER
@@ -75,7 +75,7 @@ class SurviveFlights(CellFlights):
         """Scenario that all flights have in common."""
         return self.built
 
-    def values(self, scenario: Scenario) -> dict[str, Array]:
+    def values(self, scenario: Scenario) -> Columns:
         """Numbers of the flights: parameter path -> values (flights,)."""
         return {
             path: np.array([each.get(path, own) for each in self.lanes])
@@ -104,7 +104,7 @@ class SurviveSuite(Suite[SurviveFlights]):
     name, file, folder = SURVIVE, "survive", "out/survive"
     settings = ("vehicle", "seed", "plant", "quick")
 
-    def plan_cells(self) -> tuple[list[SurviveFlights], dict[str, str]]:
+    def plan_cells(self) -> tuple[list[SurviveFlights], Refused]:
         """All flights of the suite, and reasons why a law is excluded."""
         cells = list[SurviveFlights]()
         refused = dict[str, str]()
@@ -165,13 +165,13 @@ class SurviveSuite(Suite[SurviveFlights]):
         return [replace(cell, paths=shared) if cell.paths else cell for cell in cells]
 
     def judge(
-        self, todo: Sequence[SurviveFlights], cells: Sequence[Cell], refused: Refused
+        self, flown: Sequence[tuple[SurviveFlights, Cell]], refused: Refused
     ) -> Document:
         """Evaluate the suite: flights, lost ones, why, and largest tip error (m) of the
         others, by value and law.
         """
         rows: Document = {}
-        for flights, cell in zip(todo, cells, strict=True):
+        for flights, cell in flown:
             row, _, law = flights.name
             gone = lost(cell.metrics, cell.completed, flights.near)
             rows.setdefault(row, {"title": flights.condition.title, "laws": {}})[
@@ -185,9 +185,7 @@ class SurviveSuite(Suite[SurviveFlights]):
         laws = [law for law in self.laws if law not in refused]
         return {"laws": laws, "not_flown": dict(refused), "rows": rows}
 
-    def report(
-        self, found: Record, pictures: Mapping[str, bytes] | None = None
-    ) -> Report:
+    def report(self, found: Record, pictures: Pngs = None) -> Report:
         """Report: flights that are lost and the largest tip error, law beside law."""
         laws = found["laws"]
         notes = [MEANING, *refusals(found)]

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.arrays import Columns
 from skyarm.records.immutable import immutable
 from skyarm.reference.signals import Constant, Shifted, Signal, with_signals
 from skyarm.scenario.scenario_record import Scenario
@@ -40,8 +41,6 @@ member is lost: at 8 s of the shipped scenario."""
 DAMPING = math.sqrt(0.96)
 """Factor on the damping of a grasp whose stiffness is another, beside the root of that
 factor: the shipped 15 N s/m are rounded up from 0.6 sqrt(0.06 kg 10 000 N/m)."""
-
-AXES = ("x", "y", "z")
 
 
 @immutable
@@ -183,9 +182,7 @@ class TeamCondition(Condition):
         agent = replace(agent, reference=with_signals(agent.reference, later))
         return replace(scenario, agents={**scenario.agents, last: agent})
 
-    def columns(
-        self, scenario: Scenario, given: CarryingTeam, seed: int
-    ) -> dict[str, Array]:
+    def columns(self, scenario: Scenario, given: CarryingTeam, seed: int) -> Columns:
         """Numbers of the flights, the same for every law: parameter path -> values
         (flights,).
 
@@ -197,7 +194,7 @@ class TeamCondition(Condition):
         name = given.body.name
         agents = scenario.agents
         last = f"agents.{given.last}"
-        several = {"masses": [*agents, name], "wind": [*AXES[:2]]}
+        several = {"masses": [*agents, name], "wind": ["x", "y"]}
         spread = {
             f"{each}_{part}": table
             for each, table in self.vary.items()
@@ -206,7 +203,7 @@ class TeamCondition(Condition):
         vary = {path: distribution_from(table, path) for path, table in spread.items()}
         draws = Design(vary=vary, episodes=self.episodes, seed=seed)
         drawn = values(draws, np.arange(self.episodes))
-        found = dict[str, Array]()
+        found = Columns()
         if "masses" in self.vary:
             found[f"world.objects.{name}.mass"] = (
                 float(given.body.mass) * drawn[f"masses_{name}"]
@@ -224,12 +221,12 @@ class TeamCondition(Condition):
         if "off" in self.vary:
             for k in np.flatnonzero(given.outward):
                 off = given.outward[k] * drawn["off_"]
-                found[f"team.members.{len(given.places) - 1}.place.{AXES[k]}"] = (
+                found[f"team.members.{len(given.places) - 1}.place.{'xyz'[k]}"] = (
                     given.places[-1][k] + off
                 )
                 found |= {
                     f"{last}.reference.tip.{axis}.place.{k}.signals.1.height": off
-                    for axis in AXES
+                    for axis in "xyz"
                 }
         if "stiffness" in self.vary:
             factor = drawn["stiffness_"]
@@ -241,7 +238,7 @@ class TeamCondition(Condition):
                     )
         if "wind" in self.vary:
             at = f"environment.forces.{len(scenario.environment.forces) - 1}.force"
-            found |= {f"{at}.{axis}.height": drawn[f"wind_{axis}"] for axis in AXES[:2]}
+            found |= {f"{at}.{axis}.height": drawn[f"wind_{axis}"] for axis in "xy"}
         if "rotor" in self.vary:
             number = len(agents[given.last].faults) - 1
             found[f"{last}.environment.faults.{number}.effectiveness"] = drawn["rotor_"]

@@ -8,7 +8,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 from skyarm.log.metrics.metric_catalogue import TEAMS
-from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.arrays import Columns
 from skyarm.records.files import PathLike, file_name, must_be_one_of, shown
 from skyarm.records.files.names import read_named
 from skyarm.records.immutable import immutable
@@ -18,7 +18,7 @@ from skyarm.scenario.scenario_file import LIBRARY, load_scenario, scenario_from
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.cell_flights import CellFlights, Document, Record
 from skyarm.studies.compare.entrants import Entrant
-from skyarm.studies.compare.run_suite import Refused, SummarySuite
+from skyarm.studies.compare.run_suite import Pngs, Refused, SummarySuite
 from skyarm.studies.compare.suite import Case, library_rows
 from skyarm.studies.compare.team_conditions import ROWS, CarryingTeam, TeamCondition
 from skyarm.studies.trial.table import COLUMNS, report_of
@@ -66,7 +66,7 @@ class TeamFlights(CellFlights):
         late = self.condition.change_path(scenario_from(changed, folder), given.last)
         return dataclasses.replace(late, seed=self.seed)
 
-    def values(self, scenario: Scenario) -> dict[str, Array]:
+    def values(self, scenario: Scenario) -> Columns:
         """Numbers of the flights, the same for every law: parameter path -> values
         (flights,).
         """
@@ -193,9 +193,7 @@ class TeamSuite(SummarySuite[TeamFlights]):
             )
         return planned, refused
 
-    def report(
-        self, found: Record, pictures: Mapping[str, bytes] | None = None
-    ) -> Report:
+    def report(self, found: Record, pictures: Pngs = None) -> Report:
         """Report of the benchmark with one table: a row per condition and law."""
         word = "title" if self.scenario == FLOWN else "own"
         rows = []

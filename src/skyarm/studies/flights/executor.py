@@ -16,7 +16,7 @@ from skyarm.records.files.messages import comma_list
 from skyarm.simulate.lane_numbers import require_count
 from skyarm.studies.flights.fly import fly, fly_together
 from skyarm.studies.flights.store import Store, pack_rows, unpack_rows
-from skyarm.studies.flights.work import Arguments, Rows, Work, identified
+from skyarm.studies.flights.work import Flown, Rows, Work, identified
 
 if TYPE_CHECKING:
     from skyarm.studies.flights.processes import Processes
@@ -67,20 +67,17 @@ class InProcess:
         return len(self._next)
 
     def submit(
-        self,
-        token: Work,
-        function: Callable[[*Arguments], bytes],
-        *arguments: *Arguments,
+        self, token: Work, function: Callable[..., bytes], *arguments: object
     ) -> None:
         """Store a function call, which is executed when its result is collected."""
         self._next.append((token, lambda: function(*arguments)))
 
-    def collect(self) -> tuple[Work, bytes]:
+    def collect(self) -> Flown:
         """Execute the stored function call; returns its work item and result."""
         token, call = self._next.pop()
         return token, call()
 
-    def close(self, *, abandon: bool) -> list[tuple[Work, bytes]]:
+    def close(self, *, abandon: bool) -> list[Flown]:
         """Return an empty list, since no function call runs in the background."""
         return []
 
@@ -157,7 +154,7 @@ class WorkRunner:
                     stacklevel=2,
                 )
 
-    def fly(self, works: Iterable[Work]) -> Iterator[tuple[Work, bytes]]:
+    def fly(self, works: Iterable[Work]) -> Iterator[Flown]:
         """Yield each work item with the content of its result file, stored ones without
         simulating them again.
 
@@ -184,7 +181,7 @@ class WorkRunner:
         while self._executor is not None and self._executor.flying:
             yield self._collect(self._executor)
 
-    def _begin(self, work: Work, on: str) -> Iterator[tuple[Work, bytes]]:
+    def _begin(self, work: Work, on: str) -> Iterator[Flown]:
         """Submit a work item as soon as the executor has room, and yield the work items
         that finish meanwhile.
         """
@@ -198,7 +195,7 @@ class WorkRunner:
             work, rows_file, work, metadata, self.workers if on == LOCAL else 1
         )
 
-    def _collect(self, executor: Executor) -> tuple[Work, bytes]:
+    def _collect(self, executor: Executor) -> Flown:
         work, content = executor.collect()
         self.flights += work.count
         if self.store is not None:

@@ -25,7 +25,8 @@ from skyarm.simulate.loop import run
 from skyarm.studies.flights.work import AUTOPILOT, Rows, Work
 
 MOST_PROGRAMS = 16
-"""Number of compiled simulations that a process keeps."""
+"""Number of compiled simulations that a process keeps, chosen: it bounds the memory of
+suites that fly hundreds."""
 
 _programs: OrderedDict[str, Batch] = OrderedDict()
 

@@ -18,7 +18,7 @@ from skyarm.records.files.user_code import OwnCodeError, own_failure
 from skyarm.records.registry import RegistryError
 from skyarm.records.travel import luggage, pack, unload, unpack
 from skyarm.simulate.examine import TRIED
-from skyarm.studies.flights.work import Arguments, Work
+from skyarm.studies.flights.work import Flown, Work
 
 Call = tuple[Callable[..., bytes], tuple[object, ...]]
 """Function of a call and its arguments."""
@@ -49,10 +49,7 @@ class Processes:
         return len(self._flying)
 
     def submit(
-        self,
-        token: Work,
-        function: Callable[[*Arguments], bytes],
-        *arguments: *Arguments,
+        self, token: Work, function: Callable[..., bytes], *arguments: object
     ) -> None:
         """Submit a function call, whose work item and result :meth:`collect`
         returns.
@@ -78,7 +75,7 @@ class Processes:
         broken.set_exception(BrokenProcessPool())
         self._flying[broken] = token, call, tries
 
-    def collect(self) -> tuple[Work, bytes]:
+    def collect(self) -> Flown:
         """Wait for a call to finish, restarting those of killed processes; returns its
         work item and result.
 
@@ -115,7 +112,7 @@ class Processes:
                 ) from error
             self._begin(token, call, tries + begun)
 
-    def close(self, *, abandon: bool) -> list[tuple[Work, bytes]]:
+    def close(self, *, abandon: bool) -> list[Flown]:
         """End all processes, after waiting for running calls or abandoning them;
         returns the results not collected yet.
 

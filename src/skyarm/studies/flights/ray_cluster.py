@@ -28,7 +28,7 @@ from skyarm.records.registry import RegistryError
 from skyarm.records.travel import luggage, pack, unpack
 from skyarm.simulate.examine import TRIED
 from skyarm.studies.flights.processes import MOST_TRIES, equip, perform
-from skyarm.studies.flights.work import Arguments, Work, kinship
+from skyarm.studies.flights.work import Flown, Work, kinship
 
 if TYPE_CHECKING:
     from ray import ObjectRef
@@ -120,10 +120,7 @@ class Ray:
         return len(self._flying)
 
     def submit(
-        self,
-        token: Work,
-        function: Callable[[*Arguments], bytes],
-        *arguments: *Arguments,
+        self, token: Work, function: Callable[..., bytes], *arguments: object
     ) -> None:
         """Submit a function call, whose work item and result :meth:`collect`
         returns.
@@ -132,7 +129,7 @@ class Ray:
             self._perform.remote(self._kin, self._outfit, pack((function, arguments)))
         ] = token
 
-    def collect(self) -> tuple[Work, bytes]:
+    def collect(self) -> Flown:
         """Wait for a call to finish; returns its work item and result.
 
         Raises:
@@ -158,14 +155,14 @@ class Ray:
                 f" times: {why}"
             ) from error
 
-    def close(self, *, abandon: bool) -> list[tuple[Work, bytes]]:
+    def close(self, *, abandon: bool) -> list[Flown]:
         """Leave the cluster, or stop the one started here, after waiting for running
         calls or cancelling them.
 
         Returns what has landed, as :meth:`collect` gives it.
         """
         flying = self._flying
-        sound = list[tuple[Work, bytes]]()
+        sound = list[Flown]()
         self._flying = {}
         with suppress(*([Exception] if abandon else [])):
             wait = {"num_returns": len(flying), "timeout": 0 if abandon else None}

@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, field
 from functools import cache, cached_property, partial
 from pathlib import Path
-from typing import TypeVarTuple
 
 import numpy as np
 
@@ -35,9 +34,6 @@ AUTOPILOT = "autopilot"
 """Status of a flight that ended because an autopilot's program failed; the cause
 follows in rows."""
 
-
-Arguments = TypeVarTuple("Arguments")
-"""Types of the arguments of a call that flies a work."""
 
 Measure = Callable[[Log], Mapping[str, float | None]]
 """Function that returns additional metrics of a log; a module's function, or a partial
@@ -142,6 +138,10 @@ class Work:
                 },
             }
         )
+
+
+Flown = tuple[Work, bytes]
+"""Work item with the content of its result file."""
 
 
 def _bytes(column: Array) -> str:

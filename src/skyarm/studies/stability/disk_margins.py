@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skyarm.records.arrays import Array, Complex, doubles
+from skyarm.records.arrays import Array, Complex, doubles, norm
 from skyarm.records.immutable import immutable, positional
 from skyarm.studies.stability.closed_loop import Closed, OpenLoop, gains
 from skyarm.studies.stability.loop_channels import (
@@ -230,9 +230,9 @@ def _descend(M: Complex) -> float:
     # steps are chosen: any scaling gives an upper bound, a better one a lower bound
     step = 0.5
     for _ in range(STEPS):
-        if step < 1e-3 or not np.linalg.norm(slope) > 0.0:
+        if step < 1e-3 or not norm(slope) > 0.0:
             break
-        d = np.exp(-step * slope / np.linalg.norm(slope))
+        d = np.exp(-step * slope / norm(slope))
         moved = d[:, None] * M / d[None, :]
         lower, its_slope = _slope(moved)
         if lower < value * (1.0 - ENOUGH):

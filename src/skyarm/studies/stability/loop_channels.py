@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from skyarm.algebra import Quaternion
-from skyarm.records.arrays import Array, float_array
+from skyarm.records.arrays import Array, doubles, float_array
 from skyarm.records.immutable import immutable
 from skyarm.vehicle import Rotor, Vehicle
 
@@ -99,7 +99,7 @@ def vehicle_channels(
     channels = single(
         [f"rotor {rotor.name}" for rotor in vehicle.rotors], "rotors", COMMANDS, size
     )
-    channels += _pushes(vehicle.rotors, np.array(speeds, dtype=float), size)
+    channels += _pushes(vehicle.rotors, doubles(speeds), size)
     channels += single(
         [f"drive {name}" for name in joints], "joints", COMMANDS, size, rotors
     )
@@ -117,7 +117,7 @@ def wrenches(rotors: Sequence[Rotor]) -> Array:
     for rotor in rotors:
         force = float_array(rotor.axis) * float(rotor.thrust_coefficient)
         drag = -float(rotor.direction) * float(rotor.moment_coefficient) * force
-        torque = np.cross([float(c) for c in rotor.position], force) + drag
+        torque = np.cross(float_array(rotor.position), force) + drag
         columns.append([*torque, force[2], force[0], force[1]])
     return np.array(columns).reshape(len(rotors), 6).T
 

@@ -396,12 +396,10 @@ class Differentiator:
         given = np.repeat(
             np.array([self.lates[late], *numbers])[:, None], lanes, axis=1
         )
-        _, log = self._kernel.run(
-            points, given, np.array(row, dtype=float).reshape(1, self._row)
-        )
+        _, log = self._kernel.run(points, given, doubles(row).reshape(1, self._row))
         return doubles(log[0])
 
 
 def carry_of(template: LoopState, values: Sequence[float]) -> LoopState:
     """Rebuild the state of the simulation loop from its scalar values."""
-    return rebuild(template, iter([float(value) for value in values]))
+    return rebuild(template, map(float, values))

@@ -186,7 +186,7 @@ def _curve(rows: Rows, metric: str, controller: str, over: Array) -> BandedCurve
                 int((here & ~flew).sum()),
             )
         )
-    x, middle, low, high, episodes, lost = np.array(table, dtype=float).reshape(-1, 6).T
+    x, middle, low, high, episodes, lost = doubles(table).reshape(-1, 6).T
     return BandedCurve(
         controller=controller,
         x=x,

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra.scalars.philox import uniform, uniforms
-from skyarm.records.arrays import Array, IntArray
+from skyarm.records.arrays import Array, Columns, IntArray
 from skyarm.records.immutable import immutable
 from skyarm.studies.sweep.distributions import Distribution, Values, finite
 from skyarm.studies.sweep.expressions import Expression, with_derived
@@ -28,7 +28,7 @@ SHIFT_CHANNEL = 2**17
 
 BLOCK = 2**16
 """Number of episodes whose numbers are drawn at once when only the least and greatest
-values are kept."""
+values are kept: half a megabyte for each number."""
 
 
 @immutable(slots=False)
@@ -58,7 +58,7 @@ class Design:
         return finite(self.vary) if self.design == "grid" else {}
 
 
-def values(draws: Design, episodes: npt.ArrayLike) -> dict[str, Array]:
+def values(draws: Design, episodes: npt.ArrayLike) -> Columns:
     """Values of the varied parameters: parameter path -> values (episodes,).
 
     Args:
@@ -67,7 +67,7 @@ def values(draws: Design, episodes: npt.ArrayLike) -> dict[str, Array]:
     """
     numbers = np.asarray(episodes, dtype=np.int64)
     cells = prod(len(d.values) for d in draws.axes.values())
-    columns: dict[str, Array] = {}
+    columns: Columns = {}
     # the last axis runs fastest, as in nested loops
     stride = cells
     for index, (path, distribution) in enumerate(draws.vary.items()):

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.records.arrays import Array, doubles
+from skyarm.records.arrays import Array, Columns, doubles
 from skyarm.records.files import Fields, did_you_mean, shown
 from skyarm.records.immutable import positional
 
@@ -34,8 +34,10 @@ LONGEST = 400
 """Largest number of characters of an expression."""
 
 MOST_DERIVED = 1000
+"""Largest number of derived numbers of a study."""
 
 FUNCTION = "sqrt"
+"""The only function; its name is therefore no name of a number."""
 
 WORD = r"[A-Za-z_]\w*"
 
@@ -254,7 +256,7 @@ def derived_from(table: object, varied: Collection[str]) -> dict[str, Expression
 
 def with_derived(
     drawn: Mapping[str, Array], derived: Mapping[str, Expression]
-) -> dict[str, Array]:
+) -> Columns:
     """Varied parameter values together with those that expressions derive from them.
 
     Raises:

@@ -28,6 +28,7 @@ import numpy as np
 from skyarm.dynamics import mass_matrix_at_rest
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.dynamics.workspace import reach
+from skyarm.records.arrays import doubles
 from skyarm.records.files import PathLike, file_name, shown
 from skyarm.records.files.names import read_named
 from skyarm.records.immutable import immutable
@@ -51,7 +52,7 @@ CLEARANCE = 0.5
 
 ROOM = 0.7
 """Largest fraction of the distance to a joint's nearer limit that a swing of 1 (rad or
-m) uses."""
+m) uses, chosen."""
 
 DURATION = 20.0
 """Duration (s) of a trial."""
@@ -210,8 +211,9 @@ def _require_hover(where: str, truth: Vehicle, armed: bool) -> None:
 
 
 def _hover(vehicle: str) -> dict[str, Any]:
-    """Scenario file of a hover without its reference; the paper's vehicle hovers as in
-    case 3, whose controller has the published model.
+    """Scenario file of a hover without its reference.
+
+    The paper's vehicle hovers as in case 3, whose controller has the published model.
     """
     if vehicle == PAPER:
         return read_named("case3", "scenario", LIBRARY)[0] | {
@@ -263,7 +265,7 @@ def fading(vehicle: Vehicle, rate: float) -> tuple[float, ...]:
     """
     if not vehicle.n:
         return ()
-    M = np.array(mass_matrix_at_rest(vehicle), dtype=float)
+    M = doubles(mass_matrix_at_rest(vehicle))
     mobility = np.linalg.inv(M)[6:, 6:]
     inertia = 1.0 / np.diag(mobility)
     fastest = np.abs(np.linalg.eigvals(mobility * inertia)).max()

@@ -14,7 +14,7 @@ from dataclasses import asdict, field
 from importlib import resources
 from typing import Any, ClassVar
 
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, Columns
 from skyarm.records.files import errors_as, must_be_one_of, shown
 from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import number_at, with_numbers
@@ -178,7 +178,7 @@ def evaluate(text: str, facts: Facts, field: str = "expression") -> float:
 
 def columns_of(
     numbers: Mapping[str, str], scenario: Scenario, draws: Mapping[str, Array]
-) -> dict[str, Array]:
+) -> Columns:
     """Numbers of flights: parameter path -> values (flights,).
 
     Args:

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from skyarm.log.metrics.windows import Window, Windows
-from skyarm.records.arrays import AnyArray, Array, IntArray, Mask, doubles
+from skyarm.records.arrays import AnyArray, Array, Columns, IntArray, Mask, doubles
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import parts
 from skyarm.scenario.numbers import with_numbers
@@ -234,7 +234,7 @@ class CandidateFlights:
         )
         works = []
         for i, piece in enumerate(pieces):
-            values: dict[str, Array] = {}
+            values: Columns = {}
             for knob, column in zip(self.knobs, piece.T, strict=True):
                 factors = np.repeat(column, each)
                 values |= {
@@ -358,7 +358,8 @@ def penalize(error: Array, lost: Mask) -> Array:
 
 
 QUANTILE = 0.9
-"""Quantile of the error over the plants of each kind of motion."""
+"""Quantile of the error over the plants of each kind of motion, chosen; of up to ten
+plants, as each kind has in a usual search, it is the largest error."""
 
 WEIGHTS = (2.0, 0.7, 0.25, 0.1, 0.03)
 """Weights of the logarithms of jitter and effort against that of the error, from calm

@@ -21,7 +21,7 @@ from skyarm.algebra.scalars.philox import uniforms
 from skyarm.control.model import Model
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.plant.interface import Truth
-from skyarm.records.arrays import Array, IntArray, Mask
+from skyarm.records.arrays import Array, Columns, IntArray, Mask
 from skyarm.records.immutable import immutable
 from skyarm.records.members import SOLE
 from skyarm.reference import (
@@ -142,7 +142,7 @@ def unseen_motion(vehicle: Vehicle) -> Trajectory:
 
 def draw_motions(
     vehicle: Vehicle, count: int, *, seed: int
-) -> tuple[dict[str, Array], IntArray]:
+) -> tuple[Columns, IntArray]:
     """Draw reference motions for ``count`` plants: parameter path -> values, and the
     kind of each motion (count,).
 
@@ -211,7 +211,7 @@ def sine_from_rest(amplitude: float, frequency: float, phase: float = 0.0) -> Si
 
 def _sine(
     path: str, amplitude: Array, frequency: Array, phase: Array | None = None
-) -> dict[str, Array]:
+) -> Columns:
     """Amplitude, frequency and phase values of a sine reference signal, by parameter
     path.
     """
@@ -359,7 +359,7 @@ class Plants:
 
     spread: Spread
     eased: float
-    values: dict[str, Array]
+    values: Columns
     kinds: IntArray
 
     @property

@@ -35,10 +35,11 @@ BOX = math.log(LARGEST_FACTOR)
 
 STEPS = (0.4, 0.25, 0.15)
 """Initial standard deviations of the logarithms of the factors in CMA-ES, and after its
-restarts."""
+restarts, chosen: each restart begins nearer to the best candidate so far."""
 
 LINE = 24
-"""Number of initial candidates with one common bandwidth factor for the whole loop."""
+"""Number of initial candidates with one common bandwidth factor for the whole loop,
+chosen."""
 
 REACHES = (0.15, 0.3, 0.6)
 """Sizes of the initial scatter about the start and known values, a third of it each, as

@@ -75,6 +75,10 @@ class GainKnob:
         return tuple(number for _, number in self.numbers)
 
 
+Knobs = tuple[GainKnob, ...]
+"""Tunable gains of a law, in order."""
+
+
 def numbers_at(knobs: Sequence[GainKnob], logs: Sequence[float]) -> dict[Place, float]:
     """Numbers of tunable gains by place, multiplied by each gain's factor, whose
     logarithm is given.
@@ -101,7 +105,7 @@ def inner_place(controller: Controller) -> Place:
 
 def find_knobs(
     controller: Controller, law: str = "", chosen: Sequence[str] | None = None
-) -> tuple[GainKnob, ...]:
+) -> Knobs:
     """Find the tunable gains of a controller.
 
     Args:
@@ -135,9 +139,7 @@ def find_knobs(
     return chosen_knobs(knobs, chosen)
 
 
-def chosen_knobs(
-    knobs: tuple[GainKnob, ...], chosen: Sequence[str] | None
-) -> tuple[GainKnob, ...]:
+def chosen_knobs(knobs: Knobs, chosen: Sequence[str] | None) -> Knobs:
     """Tunable gains at the chosen paths or below them; all for None.
 
     Raises:
@@ -252,7 +254,7 @@ class Centred:
     """
 
     flight: Scenario
-    knobs: tuple[GainKnob, ...]
+    knobs: Knobs
     starts: Mapping[str, tuple[float, ...]]
 
     @property
@@ -261,9 +263,7 @@ class Centred:
         return np.array(list(self.starts.values()))
 
 
-def with_catalogue_gains(
-    flight: Scenario, knobs: tuple[GainKnob, ...], label: str
-) -> Centred:
+def with_catalogue_gains(flight: Scenario, knobs: Knobs, label: str) -> Centred:
     """Tuning flight with the search centred at known gains of its law if there are any,
     else at the present gains.
 
@@ -285,7 +285,7 @@ def with_constants(scenario: Scenario, numbers: Mapping[Place, float]) -> Scenar
 
 
 def centre(
-    knobs: tuple[GainKnob, ...],
+    knobs: Knobs,
     catalogue: Mapping[str, Numbers],
     moved: Callable[[Mapping[Place, float]], Scenario],
 ) -> Centred:
@@ -328,9 +328,7 @@ def centre(
     return Centred(flight=place, knobs=centred, starts=starts)
 
 
-def _catalogue_gains(
-    scenario: Scenario, knobs: tuple[GainKnob, ...]
-) -> dict[str, Numbers]:
+def _catalogue_gains(scenario: Scenario, knobs: Knobs) -> dict[str, Numbers]:
     """Known gains of a control law: name of default, tuned or preset gains -> their
     values.
 

@@ -16,7 +16,7 @@ from skyarm.studies.tune.excitation import KINDS, draw_plants, tuning_flight
 from skyarm.studies.tune.front import POINTS
 from skyarm.studies.tune.hover_margins import HoverMargins, required_margins
 from skyarm.studies.tune.law_knobs import (
-    GainKnob,
+    Knobs,
     find_knobs,
     inner_place,
     with_catalogue_gains,
@@ -127,9 +127,7 @@ class Subject:
         """
         return scenario.agent.controller.par, inner_place(scenario.agent.controller)
 
-    def knobs(
-        self, scenario: Scenario, chosen: Sequence[str] | None
-    ) -> tuple[GainKnob, ...]:
+    def knobs(self, scenario: Scenario, chosen: Sequence[str] | None) -> Knobs:
         """Tunable gains of the law; all for None."""
         return find_knobs(
             scenario.agent.controller, scenario.agent.controller.name, chosen

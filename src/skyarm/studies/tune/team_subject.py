@@ -23,7 +23,7 @@ import numpy as np
 
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.log.metrics.metric_catalogue import row_names
-from skyarm.records.arrays import Array, Mask
+from skyarm.records.arrays import Array, Columns, Mask
 from skyarm.records.files import shown
 from skyarm.records.leaves import Place, Tree, replace_at
 from skyarm.records.registry.registrations import name_of
@@ -47,6 +47,7 @@ from skyarm.studies.tune.law_knobs import (
     Centred,
     GainKnob,
     KnobError,
+    Knobs,
     centre,
     chosen_knobs,
 )
@@ -119,7 +120,7 @@ def masses(scenario: Scenario) -> list[list[str]]:
     return [*own, [f"world.objects.{team_of(scenario).object}.mass"]]
 
 
-def grasp_numbers(scenario: Scenario, member: int, along: Array) -> dict[str, Array]:
+def grasp_numbers(scenario: Scenario, member: int, along: Array) -> Columns:
     """Numbers of flights whose grasp is further from the middle of all than the team
     supposes.
 
@@ -136,7 +137,7 @@ def grasp_numbers(scenario: Scenario, member: int, along: Array) -> dict[str, Ar
     grasp = next(
         i for i, each in held if (each.agent, each.body) == (agent, team.object)
     )
-    values: dict[str, Array] = {}
+    values: Columns = {}
     for k, axis in enumerate("xyz"):
         # a tip takes hold where it is, and the team supposes another place; on a cable
         # the place itself is another
@@ -172,7 +173,7 @@ def draw_team_plants(
     offs = [FIRST_OFF + i for i in range(members)]
     # resize repeats the kinds in turn
     kinds = np.resize([AS_IT_IS, MASSES, *offs] if mixed else offs, count)
-    values: dict[str, Array] = {}
+    values: Columns = {}
     for paths, numbers in zip(own, drawn.T, strict=False):
         factor = 1.0 + spread.mass * numbers * ((kinds == MASSES) | (not mixed))
         values |= {path: number_at(scenario, path) * factor for path in paths}
@@ -184,7 +185,7 @@ def draw_team_plants(
     return Plants(spread=spread, eased=1.0, values=values, kinds=kinds)
 
 
-def at_defaults(flight: Scenario, knobs: tuple[GainKnob, ...], label: str) -> Centred:
+def at_defaults(flight: Scenario, knobs: Knobs, label: str) -> Centred:
     """Flight with the search centred at the defaults of the law of its team."""
     usual: dict[str, Any] = {
         each.name: each.default for each in fields(team_of(flight))
@@ -303,9 +304,7 @@ class TeamSubject(Subject):
         """Law with its options."""
         return team_of(scenario), ()
 
-    def knobs(
-        self, scenario: Scenario, chosen: Sequence[str] | None
-    ) -> tuple[GainKnob, ...]:
+    def knobs(self, scenario: Scenario, chosen: Sequence[str] | None) -> Knobs:
         """Options above zero whose fields state an effect."""
         team = team_of(scenario)
         knobs = tuple(

@@ -42,7 +42,7 @@ from skyarm.studies.tune.excitation import Plants, of_vehicle, with_lost
 from skyarm.studies.tune.front import Point, Required, finalists, front_of, is_allowed
 from skyarm.studies.tune.gain_search import Effort, search, with_margins
 from skyarm.studies.tune.hover_margins import HoverMargins, one_blas_thread
-from skyarm.studies.tune.law_knobs import GainKnob, numbers_at
+from skyarm.studies.tune.law_knobs import Knobs, numbers_at
 from skyarm.studies.tune.subject import VEHICLE, SearchSizes, Subject
 from skyarm.studies.tune.team_subject import TeamSubject
 from skyarm.vehicle import Vehicle
@@ -75,7 +75,7 @@ class TuningPlan:
     flight: Scenario
     check: Scenario
     aside: Scenario
-    knobs: tuple[GainKnob, ...]
+    knobs: Knobs
     effort: Effort
     seed: int
     label: str
