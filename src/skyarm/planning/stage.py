@@ -34,6 +34,8 @@ from skyarm.algebra import (
     Scalar,
     Scalars,
     Vec3,
+    differences,
+    sums,
 )
 from skyarm.algebra.scalars import data, sqrt
 from skyarm.algebra.scalars.taylor import Taylor, as_series
@@ -439,7 +441,7 @@ class PlanStage:
             "attitude": [2.0 * turn.x, 2.0 * turn.y, 2.0 * turn.z],
             "velocity": [*(state.velocity - data.velocity)],
             "rate": [*state.rate],
-            "joints": [a - b for a, b in zip(state.joints, data.joints, strict=True)],
+            "joints": differences(state.joints, data.joints),
             "joint_rates": [*state.joint_rates],
             # in units of gravity and of 50 rad/s^2, so that both errors are of like
             # size
@@ -587,25 +589,18 @@ def largest(effort: Scalar) -> float:
 def retraction(x: Sequence[Scalar], d: Sequence[Scalar]) -> list[Scalar]:
     """State moved by a tangent: the quaternion by q (1, d/2), normalised."""
     q = Quaternion(*x[3:7]) * Quaternion(1.0, 0.5 * d[3], 0.5 * d[4], 0.5 * d[5])
-    added = [a + b for a, b in zip(x[7:], d[6:], strict=True)]
-    return [
-        *(a + b for a, b in zip(x[:3], d[:3], strict=True)),
-        *q.normalized(),
-        *added,
-    ]
+    return [*sums(x[:3], d[:3]), *q.normalized(), *sums(x[7:], d[6:])]
 
 
 def gap(end: Sequence[Scalar], following: Sequence[Scalar]) -> list[Scalar]:
     """Tangent from a state to the end of the stage before it."""
     # twice the vector part is the rotation vector to first order
     turn = Quaternion(*following[3:7]).conjugate() * Quaternion(*end[3:7])
-    straight = [
-        a - b
-        for a, b in zip(
-            (*end[:3], *end[7:]), (*following[:3], *following[7:]), strict=True
-        )
+    return [
+        *differences(end[:3], following[:3]),
+        *(2.0 * c for c in (turn.x, turn.y, turn.z)),
+        *differences(end[7:], following[7:]),
     ]
-    return [*straight[:3], 2.0 * turn.x, 2.0 * turn.y, 2.0 * turn.z, *straight[3:]]
 
 
 WHOLE = np.ones(1)
@@ -647,7 +642,7 @@ class CompiledStage:
             x, u, following, given, dx, du, dnext = row
             scaled = partial(map, lambda d: par[0] * d)
             moved = retraction(x, list(scaled(dx)))
-            pushed = [a + b for a, b in zip(u, scaled(du), strict=True)]
+            pushed = sums(u, list(scaled(du)))
             later = retraction(following, list(scaled(dnext)))
             return carry, tuple(map(data, outputs(moved, pushed, later, given)))
 

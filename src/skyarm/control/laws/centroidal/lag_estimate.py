@@ -37,6 +37,7 @@ from typing import Annotated
 from skyarm.algebra import Scalar, Scalars, differences, inner_product
 from skyarm.algebra.scalars import (
     add,
+    clip,
     data,
     divide,
     maximum,
@@ -434,7 +435,7 @@ def delay_share(memory: LagMemory) -> Scalar:
         for s, a in zip(memory.size, memory.agreement, strict=True)
     )
     times = minimum(roll, pitch)
-    return minimum(maximum((SLOW - times) * (1.0 / (SLOW - SMALLER)), 0.0), 1.0)
+    return clip((SLOW - times) * (1.0 / (SLOW - SMALLER)), 0.0, 1.0)
 
 
 def weigh(bank: Bank) -> list[Scalar]:
