@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import ZERO3_DATA, Quaternion, Vec3
-from skyarm.algebra.frames import continuous
+from skyarm.algebra.frames import continuous, unit_rows
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
 from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
@@ -39,7 +39,14 @@ from skyarm.planning.stage import (
     largest,
 )
 from skyarm.planning.task import Goal, PlanPhase, Start, Task
-from skyarm.records.arrays import Array, doubles, float_array, norm, stack_values
+from skyarm.records.arrays import (
+    Array,
+    doubles,
+    float_array,
+    lengths,
+    norm,
+    stack_values,
+)
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
@@ -591,7 +598,7 @@ def guess_from(
     turned = attitude(task.start.attitude)
     for k, (phase, way) in enumerate(zip(task.phases, ways, strict=True)):
         nodes = np.arange(edges[k], edges[k + 1] + 1)
-        length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1)))
+        length = np.append(0.0, np.cumsum(lengths(np.diff(way, axis=0))))
         part = np.linspace(0.0, 1.0, len(nodes)) * length[-1]
         for axis in range(3):
             x[nodes, axis] = np.interp(part, length, way[:, axis])
@@ -1065,7 +1072,7 @@ def states_at(plan: Plan, t: Array) -> Array:
         + h * ((s**3 - 2 * s**2 + s) * va + (s**3 - s**2) * vb)
     )
     out[:, held] = cubic[:, held]
-    out[:, 3:7] /= np.linalg.norm(out[:, 3:7], axis=1, keepdims=True)
+    out[:, 3:7] = unit_rows(out[:, 3:7])
     return out
 
 
@@ -1227,9 +1234,7 @@ def without_support(task: Task) -> str:
     """One line: which plane the tip is off, or that nothing holds a tilted start; empty
     if neither.
     """
-    below = tip_below(
-        task, np.array(task.start.joints or task.vehicle.zeros, dtype=float)
-    )
+    below = tip_below(task, doubles(task.start.joints or task.vehicle.zeros))
     place = task.start.position + attitude(task.start.attitude).rotation().apply(
         Vec3(*below)
     )

@@ -252,7 +252,8 @@ class LagGains(OptionalPart):
         ]
         believed = _in_row(memory.believed, own, running, dt)
         measured = _in_row(memory.measured, seen, running, dt)
-        band = _band_pass(believed)
+        # what passed HIGH twice, less its own low pass at LOW
+        band = differences(believed[1], believed[2])
         past = [
             band,
             *(
@@ -264,7 +265,7 @@ class LagGains(OptionalPart):
         # with a wrong model the phase of its errors wanders: evidence of longer
         rate = SLOWLY + (FORGETTING - SLOWLY) * delay_share(memory)
         first = divide(1.0, memory.count + FIRST)
-        here = _band_pass(measured)
+        here = differences(measured[1], measured[2])
         groups = (
             (memory.base, slice(0, TILTS), rate),
             (memory.arm, slice(TILTS, None), OF_JOINTS),
@@ -481,12 +482,6 @@ def _in_row(
         new = tuple(o + share * (n - o) for o, n in zip(old, new, strict=True))
         states.append(new)
     return tuple(states)
-
-
-def _band_pass(filtered: Sequence[Sequence[Scalar]]) -> Scalars:
-    """Band-pass output: low-pass at the upper edge minus low-pass at the lower edge."""
-    # what passed HIGH twice, less its own low pass at LOW
-    return differences(filtered[1], filtered[2])
 
 
 def _bank(

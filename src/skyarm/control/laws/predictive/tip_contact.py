@@ -30,7 +30,7 @@ from skyarm.control.laws.predictive.cost import tip_velocity
 from skyarm.control.laws.predictive.solver import Compiled, examples
 from skyarm.control.model import Model
 from skyarm.dynamics import State, frame_pose
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 
@@ -167,10 +167,8 @@ class TipContact:
             push: requested by the reference.
             signals: (4 + joints,) of the reference now.
         """
-        memory = np.array(leaves(before or self.first), dtype=float)
-        return self.step.record(
-            memory, estimate, np.array(push[:ENTRIES], dtype=float), signals
-        )
+        memory = doubles(leaves(before or self.first))
+        return self.step.record(memory, estimate, doubles(push[:ENTRIES]), signals)
 
 
 def shift_ahead(
