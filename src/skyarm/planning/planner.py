@@ -16,11 +16,10 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import ZERO3_DATA, Quaternion, Vec3
-from skyarm.algebra.frames import continuous, unit_rows
+from skyarm.algebra.frames import continuous, of_euler_angles, unit_rows
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
 from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
-from skyarm.dynamics.state import example_state
 from skyarm.planning.seeds import free_distance, ways_around
 from skyarm.planning.solver import (
     ITERATIONS,
@@ -309,11 +308,8 @@ def node_counts(task: Task, lengths: Sequence[float]) -> list[int]:
 
 def attitude(angles: Sequence[float]) -> Quaternion:
     """Quaternion of roll, pitch and yaw (rad)."""
-    state = example_state(0, 0).with_views(
-        # whole numbers would be constants of compiled code
-        dict(zip(("roll", "pitch", "yaw"), map(float, angles), strict=True))
-    )
-    return state.quaternion
+    # whole numbers would be constants of compiled code
+    return of_euler_angles(*map(float, angles))
 
 
 def goal_attitude(goal: Goal) -> Quaternion:

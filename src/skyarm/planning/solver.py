@@ -377,6 +377,9 @@ def recursion(
     """Riccati recursion of quadratic models (N + 1, nu + nt + 1, same) of inputs,
     states and 1 on linear stages.
 
+    The predictive law has one of its own, on residuals, which can fix inputs at their
+    limits; here limits have multipliers, and of most stages only a model is known.
+
     Args:
         Q: the models; of the last one the states count.
         AB: (N, nt, nt + nu) derivatives of the stages.

@@ -398,7 +398,7 @@ class PlanStage:
             (weights.jerk, u[m : m + n]),
         ):
             costs += [a * (math.sqrt(weight) * root) for a in values]
-        forces = (weights.force, push if self.contact else ())
+        forces = (weights.force, [*push] if self.contact else [])
         for weight, values in (forces, (weights.across, self.across(state))):
             costs += [a * (math.sqrt(weight) / self.weight * root) for a in values]
         if self.free:
