@@ -36,6 +36,7 @@ from skyarm.planning.stage import (
     PlanStage,
     StageData,
     largest,
+    slices,
 )
 from skyarm.planning.task import Goal, PlanPhase, Start, Task
 from skyarm.records.arrays import (
@@ -48,7 +49,7 @@ from skyarm.records.arrays import (
 )
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import leaves
+from skyarm.records.leaves import leaves, parts
 from skyarm.world.contact.surface import Surface
 from skyarm.world.scene.clearance import Clearances, clearances
 from skyarm.world.scene.vehicle_shapes import boom_and_disc
@@ -507,12 +508,9 @@ def _leaves(following: PlanPhase | None) -> bool:
 
 def _columns(example: StageData) -> dict[str, slice]:
     """Columns of a table of stage data, by field."""
-    out, at = {}, 0
-    for each in dataclasses.fields(example):
-        size = len(leaves(getattr(example, each.name)))
-        out[each.name] = slice(at, at + size)
-        at += size
-    return out
+    fields = parts(example)
+    sizes = (len(leaves(each)) for each in fields.values())
+    return dict(zip(fields, slices(sizes), strict=True))
 
 
 def goal_names(goal: Goal) -> list[str]:
@@ -1001,14 +999,11 @@ def nearest_of(plan: Plan) -> Nearest:
     worst: list[tuple[float, float, str]] = []
     for rows in (np.flatnonzero(outer), np.flatnonzero(~outer)):
         if len(rows):
-            i, k = np.unravel_index(int(gaps[rows].argmin()), (len(rows), len(t)))
-            pair = near.pairs[int(rows[i])]
+            i = int(rows[gaps[rows].min(axis=1).argmin()])
+            k = int(gaps[i].argmin())
+            pair = near.pairs[i]
             worst.append(
-                (
-                    float(gaps[rows[i], k]),
-                    float(t[k]),
-                    f"{pair.volume} and {pair.other}",
-                )
+                (float(gaps[i, k]), float(t[k]), f"{pair.volume} and {pair.other}")
             )
     # of each instant, for the nodes before and after it; where phases meet, a goal may
     # say how far off the vehicle is

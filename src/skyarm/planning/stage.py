@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import field, replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -115,6 +115,12 @@ class ObstaclePlace:
         return cls(
             size=numbers[0], position=Vec3(*numbers[1]), angles=Vec3(*numbers[2])
         )
+
+
+def slices(sizes: Iterable[int], first: int = 0) -> Iterator[slice]:
+    """Slices of parts of given sizes, one after the other."""
+    ends = itertools.accumulate(sizes, initial=first)
+    return itertools.starmap(slice, itertools.pairwise(ends))
 
 
 class Slices(NamedTuple):
@@ -248,8 +254,7 @@ class PlanStage:
     def at(self) -> Slices:
         """Slices of a state after the thirteen numbers of the base."""
         n, m = self.model.vehicle.n, len(self.model.vehicle.rotors)
-        ends = [*itertools.accumulate((13, n, n, m, n))]
-        return Slices(*map(slice, ends, ends[1:]))
+        return Slices(*slices((n, n, m, n), 13))
 
     @property
     def weight(self) -> float:
@@ -675,22 +680,11 @@ class CompiledStage:
         self.nx, self.nt, self.nu = nx, nt, nu
         self.names = tuple(name for name, _ in (*values.inputs, *values.limits))
         self.input_limits = len(values.inputs)
-        ends = np.cumsum(
-            [
-                nt,
-                len(values.costs),
-                sum(map(len, values.goals.values())),
-                len(self.names),
-            ]
+        sizes = [len(values.goals[name]) for name in GOALS]
+        self.costs, self.goals, self.limits = slices(
+            (len(values.costs), sum(sizes), len(self.names)), nt
         )
-        self.costs, self.goals, self.limits = (
-            slice(int(a), int(b)) for a, b in itertools.pairwise(ends)
-        )
-        self.goal = {}
-        at = 0
-        for name in GOALS:
-            self.goal[name] = slice(at, at + len(values.goals[name]))
-            at += len(values.goals[name])
+        self.goal = dict(zip(GOALS, slices(sizes), strict=True))
         self._directions = np.eye(nt + nu)
 
     def values(
