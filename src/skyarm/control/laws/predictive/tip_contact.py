@@ -189,10 +189,11 @@ def shift_ahead(
         late = np.exp(-coming * t)
         off = rate + speed
         place = s - speed * t + off * (1.0 - late) / coming
-        inside = place > -float(gains.furthest)
+        far = -float(gains.furthest)
+        inside = place > far
         going = np.where(inside, off * late - speed, 0.0)
         return (
-            np.maximum(place, -float(gains.furthest)),
+            np.maximum(place, far),
             going,
             np.where(inside, -coming * off * late, 0.0),
         )
@@ -200,10 +201,11 @@ def shift_ahead(
     end = s + float(touch.gap) if touch.rising else 0.0
     away, slope = s - end, rate + w * (s - end)
     late = np.exp(-w * t)
+    place = away + slope * t
     return (
-        end + (away + slope * t) * late,
-        (slope - w * (away + slope * t)) * late,
-        (w * w * (away + slope * t) - 2.0 * w * slope) * late,
+        end + place * late,
+        (slope - w * place) * late,
+        (w * w * place - 2.0 * w * slope) * late,
     )
 
 
