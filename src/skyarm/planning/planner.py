@@ -344,8 +344,7 @@ def outline(task: Task) -> Outline:
     """Straight outline of a task: the base above or below each tip goal, at rest in its
     posture.
     """
-    n = task.vehicle.n
-    joints = np.array(task.start.joints or (0.0,) * n)
+    joints = np.array(task.start.joints or task.vehicle.zeros)
     base = float_array(task.start.position)
     bases, postures, lengths = [base], [joints], []
     for phase in task.phases:
@@ -543,11 +542,11 @@ def _data(
     example: StageData, phase: PlanPhase, count: int, free: int | None, weight: float
 ) -> StageData:
     """Numbers of a stage of a phase; ``weight`` of the vehicle, N."""
-    goal, contact, none = phase.to, phase.contact, ZERO3_DATA
+    goal, contact = phase.to, phase.contact
 
     def numbers(v: Vec3 | None) -> Vec3:
         """Vector without whole numbers, which would be constants of compiled code."""
-        return Vec3(*map(float, v)) if v else none
+        return Vec3(*map(float, v)) if v else ZERO3_DATA
 
     return dataclasses.replace(
         example,

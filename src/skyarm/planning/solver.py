@@ -18,6 +18,7 @@ import numpy as np
 from skyarm.planning.stage import CompiledStage
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable, positional
+from skyarm.records.leaves import parts
 
 SHARES = np.array([1.0, 0.8, 0.6, 0.4, 0.25, 0.12, 0.05, 0.01])
 """Shares of a step that the line search tries at once."""
@@ -135,12 +136,7 @@ class _Values:
 
     def of(self, lane: int) -> _Values:
         """Values of one motion of several."""
-        return _Values(
-            gap=self.gap[lane],
-            costs=self.costs[lane],
-            goals=self.goals[lane],
-            limits=self.limits[lane],
-        )
+        return _Values(**{name: each[lane] for name, each in parts(self).items()})
 
 
 class PlanSolver:

@@ -394,11 +394,9 @@ def policy(
     nu = width - nx
     # columns in the order inputs, states, one: every stage is then two products and one
     # small system
-    J = np.concatenate(
-        [problem.J[:, :, nx:], problem.J[:, :, :nx], problem.r[:, :, None]], axis=2
-    )
-    step = np.concatenate(
-        [problem.AB[:, :, nx:], problem.AB[:, :, :nx], problem.c[:, :, None]], axis=2
+    J, step = (
+        np.concatenate([A[:, :, nx:], A[:, :, :nx], b[:, :, None]], axis=2)
+        for A, b in ((problem.J, problem.r), (problem.AB, problem.c))
     )
     own = J.transpose(0, 2, 1)[:, :width] @ J
     P, p = own[stages, nu:, nu:width], own[stages, nu:, width]
