@@ -37,7 +37,7 @@ from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.actuators.rotor import push, speed_of_push
 from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Place, Tree, blend, is_record
+from skyarm.records.leaves import Place, blend, is_record
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -254,7 +254,7 @@ def with_actuators(
         memory=ActuatorMemory(
             inner=controller.memory,
             started=0.0,
-            drives=_first_memories(drives, control_period),
+            drives=tuple(drive.begin(0.0, 0.0, control_period) for drive in drives),
             joints=(JointMotion(),) * len(drives),
         ),
     )
@@ -267,11 +267,6 @@ def commands_actuators(controller: Controller) -> bool:
     return any(
         getattr(par, "commands_actuators", False) for par in layers(controller.par)
     )
-
-
-def _first_memories(drives: Sequence[Drive], control_period: float) -> tuple[Tree, ...]:
-    """Initial internal states of the modelled joint drives, at joint position zero."""
-    return tuple(drive.begin(0.0, 0.0, control_period) for drive in drives)
 
 
 def with_consequences(
@@ -318,7 +313,10 @@ def with_consequences(
     # the memory of a late drive is sized by its latency, so it begins anew
     late = any(place[0] == "drives" and place[-1] == "latency" for place in inside)
     if late and isinstance(memory, ActuatorMemory) and memory.drives:
-        drives = _first_memories(believed_drives(par.model), control_period)
+        drives = tuple(
+            drive.begin(0.0, 0.0, control_period)
+            for drive in believed_drives(par.model)
+        )
         controller = replace(controller, memory=replace(memory, drives=drives))
     return controller
 

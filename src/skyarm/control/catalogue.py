@@ -14,7 +14,7 @@ import tomllib
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from importlib import resources
+from pathlib import Path
 from typing import Any
 
 from skyarm.algebra import Scalar, Vec3
@@ -298,11 +298,7 @@ def tuned_factors() -> Mapping[str, Mapping[str, float]]:
     How the factors in the file next to this one were found is described in
     docs/laws.md.
     """
-    text = (
-        resources.files("skyarm.control")
-        .joinpath("tuned.toml")
-        .read_text(encoding="utf-8")
-    )
+    text = Path(__file__).with_name("tuned.toml").read_text("utf-8")
     laws: Mapping[str, Mapping[str, float]] = tomllib.loads(text)["law"]
     return laws
 

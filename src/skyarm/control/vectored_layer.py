@@ -214,19 +214,6 @@ def _motor_lag(rotor: Rotor) -> Scalar:
     return mul(0.5, add(rotor.time_constant_up, rotor.time_constant_down))
 
 
-def _lagging_angles(
-    vehicle: Vehicle, angles: Sequence[Scalar], goals: Sequence[Scalar], dt: Scalar
-) -> Scalars:
-    """Tilt servo angles one control period later, computed with the motor lag of the
-    rotors as servo lag.
-    """
-    rotors = [each for each in vehicle.rotors if each.tilt is not None]
-    return tuple(
-        add(goal, mul(sub(now, goal), exp(divide(sub(0.0, dt), _motor_lag(rotor)))))
-        for rotor, now, goal in zip(rotors, angles, goals, strict=True)
-    )
-
-
 def vectored_law(
     memory: VectoredMemory,
     measurement: Measurement,
@@ -258,11 +245,17 @@ def vectored_law(
     squares = squares_at(
         vehicle, forces, [add(goal, sub(now, due)) for goal, now, due in ahead]
     )
+    # servos with the lag of the motors, one period later
+    rotors = [each for each in vehicle.rotors if each.tilt is not None]
+    matched = tuple(
+        add(goal, mul(sub(now, goal), exp(divide(sub(0.0, dt), _motor_lag(rotor)))))
+        for rotor, now, goal in zip(rotors, memory.matched, goals, strict=True)
+    )
     moved = VectoredMemory(
         inner=following,
         goals=as_data(goals),
         angles=as_data(angles_after(vehicle, angles, setpoints, dt)),
-        matched=as_data(_lagging_angles(vehicle, memory.matched, goals, dt)),
+        matched=as_data(matched),
     )
     speeds = tuple(data(sqrt(maximum(each, 0.0))) for each in squares)
     return moved, Command(

@@ -10,6 +10,7 @@ import numpy as np
 from skyarm.algebra import Quaternion
 from skyarm.dynamics.array_front import center_of_mass, frame_pose_world
 from skyarm.planning.planner import Plan
+from skyarm.records.arrays import doubles
 from skyarm.reference.planned_motion import FORMAT
 
 
@@ -33,11 +34,7 @@ def plan_arrays(plan: Plan) -> dict[str, Any]:
     if vehicle.end_effector:
         tip = frame_pose_world(vehicle, x[:, :3], x[:, 3:7], joints)[0]
     # heading of the attitude whose body y is across it, as the laws build theirs
-    yaw = np.unwrap(
-        np.arctan2(
-            -np.asarray(R.rows[0].y, dtype=float), np.asarray(R.rows[1].y, dtype=float)
-        )
-    )
+    yaw = np.unwrap(np.arctan2(-doubles(R.rows[0].y), doubles(R.rows[1].y)))
     force = np.zeros((len(x), 3))
     edges = plan.edges
     phase = np.clip(

@@ -123,11 +123,11 @@ def _tightest(t: Array, shares: Array, names: tuple[str, ...]) -> Tight:
 def summary_lines(name: str, found: PlanSummary) -> list[str]:
     """Lines of text of a summary."""
     parts = ", ".join(f"{each} {length:.3g} s" for each, length in found.phases)
-    lines = [f"{name}: {found.duration:.3f} s ({parts})"]
-    lines.append(
+    lines = [
+        f"{name}: {found.duration:.3f} s ({parts})",
         f"base: at most {found.speed:.2f} m/s, tilted by {math.degrees(found.tilt):.1f}"
-        " degrees"
-    )
+        " degrees",
+    ]
     for quantity, each in (
         ("rotor thrust", found.rotor),
         ("joint torque", found.torque),

@@ -16,11 +16,10 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import ZERO3_DATA, Quaternion, Vec3
-from skyarm.algebra.frames import continuous
+from skyarm.algebra.frames import continuous, of_euler_angles, unit_rows
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
 from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
-from skyarm.dynamics.state import example_state
 from skyarm.planning.seeds import free_distance, ways_around
 from skyarm.planning.solver import (
     ITERATIONS,
@@ -37,12 +36,20 @@ from skyarm.planning.stage import (
     PlanStage,
     StageData,
     largest,
+    slices,
 )
 from skyarm.planning.task import Goal, PlanPhase, Start, Task
-from skyarm.records.arrays import Array, doubles, float_array, norm, stack_values
+from skyarm.records.arrays import (
+    Array,
+    doubles,
+    float_array,
+    lengths,
+    norm,
+    stack_values,
+)
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import leaves
+from skyarm.records.leaves import leaves, parts
 from skyarm.world.contact.surface import Surface
 from skyarm.world.scene.clearance import Clearances, clearances
 from skyarm.world.scene.vehicle_shapes import boom_and_disc
@@ -302,11 +309,8 @@ def node_counts(task: Task, lengths: Sequence[float]) -> list[int]:
 
 def attitude(angles: Sequence[float]) -> Quaternion:
     """Quaternion of roll, pitch and yaw (rad)."""
-    state = example_state(0, 0).with_views(
-        # whole numbers would be constants of compiled code
-        dict(zip(("roll", "pitch", "yaw"), map(float, angles), strict=True))
-    )
-    return state.quaternion
+    # whole numbers would be constants of compiled code
+    return of_euler_angles(*map(float, angles))
 
 
 def goal_attitude(goal: Goal) -> Quaternion:
@@ -340,8 +344,7 @@ def outline(task: Task) -> Outline:
     """Straight outline of a task: the base above or below each tip goal, at rest in its
     posture.
     """
-    n = task.vehicle.n
-    joints = np.array(task.start.joints or (0.0,) * n)
+    joints = np.array(task.start.joints or task.vehicle.zeros)
     base = float_array(task.start.position)
     bases, postures, lengths = [base], [joints], []
     for phase in task.phases:
@@ -504,12 +507,9 @@ def _leaves(following: PlanPhase | None) -> bool:
 
 def _columns(example: StageData) -> dict[str, slice]:
     """Columns of a table of stage data, by field."""
-    out, at = {}, 0
-    for each in dataclasses.fields(example):
-        size = len(leaves(getattr(example, each.name)))
-        out[each.name] = slice(at, at + size)
-        at += size
-    return out
+    fields = parts(example)
+    sizes = (len(leaves(each)) for each in fields.values())
+    return dict(zip(fields, slices(sizes), strict=True))
 
 
 def goal_names(goal: Goal) -> list[str]:
@@ -542,11 +542,11 @@ def _data(
     example: StageData, phase: PlanPhase, count: int, free: int | None, weight: float
 ) -> StageData:
     """Numbers of a stage of a phase; ``weight`` of the vehicle, N."""
-    goal, contact, none = phase.to, phase.contact, ZERO3_DATA
+    goal, contact = phase.to, phase.contact
 
     def numbers(v: Vec3 | None) -> Vec3:
         """Vector without whole numbers, which would be constants of compiled code."""
-        return Vec3(*map(float, v)) if v else none
+        return Vec3(*map(float, v)) if v else ZERO3_DATA
 
     return dataclasses.replace(
         example,
@@ -591,7 +591,7 @@ def guess_from(
     turned = attitude(task.start.attitude)
     for k, (phase, way) in enumerate(zip(task.phases, ways, strict=True)):
         nodes = np.arange(edges[k], edges[k + 1] + 1)
-        length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1)))
+        length = np.append(0.0, np.cumsum(lengths(np.diff(way, axis=0))))
         part = np.linspace(0.0, 1.0, len(nodes)) * length[-1]
         for axis in range(3):
             x[nodes, axis] = np.interp(part, length, way[:, axis])
@@ -998,14 +998,11 @@ def nearest_of(plan: Plan) -> Nearest:
     worst: list[tuple[float, float, str]] = []
     for rows in (np.flatnonzero(outer), np.flatnonzero(~outer)):
         if len(rows):
-            i, k = np.unravel_index(int(gaps[rows].argmin()), (len(rows), len(t)))
-            pair = near.pairs[int(rows[i])]
+            i = int(rows[gaps[rows].min(axis=1).argmin()])
+            k = int(gaps[i].argmin())
+            pair = near.pairs[i]
             worst.append(
-                (
-                    float(gaps[rows[i], k]),
-                    float(t[k]),
-                    f"{pair.volume} and {pair.other}",
-                )
+                (float(gaps[i, k]), float(t[k]), f"{pair.volume} and {pair.other}")
             )
     # of each instant, for the nodes before and after it; where phases meet, a goal may
     # say how far off the vehicle is
@@ -1065,7 +1062,7 @@ def states_at(plan: Plan, t: Array) -> Array:
         + h * ((s**3 - 2 * s**2 + s) * va + (s**3 - s**2) * vb)
     )
     out[:, held] = cubic[:, held]
-    out[:, 3:7] /= np.linalg.norm(out[:, 3:7], axis=1, keepdims=True)
+    out[:, 3:7] = unit_rows(out[:, 3:7])
     return out
 
 
@@ -1227,9 +1224,7 @@ def without_support(task: Task) -> str:
     """One line: which plane the tip is off, or that nothing holds a tilted start; empty
     if neither.
     """
-    below = tip_below(
-        task, np.array(task.start.joints or task.vehicle.zeros, dtype=float)
-    )
+    below = tip_below(task, doubles(task.start.joints or task.vehicle.zeros))
     place = task.start.position + attitude(task.start.attitude).rotation().apply(
         Vec3(*below)
     )

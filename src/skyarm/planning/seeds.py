@@ -165,7 +165,7 @@ def _search(
 
 def _is_free(obstacles: Sequence[Surface], a: Array, b: Array, ball: float) -> bool:
     """True if a ball passes on the straight line between two points."""
-    count = max(2, int(np.linalg.norm(b - a) / 0.03))
+    count = max(2, int(norm(b - a) / 0.03))
     line = a + np.linspace(0.0, 1.0, count)[:, None] * (b - a)
     gaps = free_distance(obstacles, line)
     # ends may be nearer than the ball; they must pass the strict comparison themselves

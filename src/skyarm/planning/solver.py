@@ -18,6 +18,7 @@ import numpy as np
 from skyarm.planning.stage import CompiledStage
 from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import immutable, positional
+from skyarm.records.leaves import parts
 
 SHARES = np.array([1.0, 0.8, 0.6, 0.4, 0.25, 0.12, 0.05, 0.01])
 """Shares of a step that the line search tries at once."""
@@ -135,12 +136,7 @@ class _Values:
 
     def of(self, lane: int) -> _Values:
         """Values of one motion of several."""
-        return _Values(
-            gap=self.gap[lane],
-            costs=self.costs[lane],
-            goals=self.goals[lane],
-            limits=self.limits[lane],
-        )
+        return _Values(**{name: each[lane] for name, each in parts(self).items()})
 
 
 class PlanSolver:
@@ -376,6 +372,9 @@ def recursion(
 ) -> tuple[Array, Array]:
     """Riccati recursion of quadratic models (N + 1, nu + nt + 1, same) of inputs,
     states and 1 on linear stages.
+
+    The predictive law has one of its own, on residuals, which can fix inputs at their
+    limits; here limits have multipliers, and of most stages only a model is known.
 
     Args:
         Q: the models; of the last one the states count.

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import field, replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -34,6 +34,8 @@ from skyarm.algebra import (
     Scalar,
     Scalars,
     Vec3,
+    differences,
+    sums,
 )
 from skyarm.algebra.scalars import data, sqrt
 from skyarm.algebra.scalars.taylor import Taylor, as_series
@@ -113,6 +115,12 @@ class ObstaclePlace:
         return cls(
             size=numbers[0], position=Vec3(*numbers[1]), angles=Vec3(*numbers[2])
         )
+
+
+def slices(sizes: Iterable[int], first: int = 0) -> Iterator[slice]:
+    """Slices of parts of given sizes, one after the other."""
+    ends = itertools.accumulate(sizes, initial=first)
+    return itertools.starmap(slice, itertools.pairwise(ends))
 
 
 class Slices(NamedTuple):
@@ -246,8 +254,7 @@ class PlanStage:
     def at(self) -> Slices:
         """Slices of a state after the thirteen numbers of the base."""
         n, m = self.model.vehicle.n, len(self.model.vehicle.rotors)
-        ends = [*itertools.accumulate((13, n, n, m, n))]
-        return Slices(*map(slice, ends, ends[1:]))
+        return Slices(*slices((n, n, m, n), 13))
 
     @property
     def weight(self) -> float:
@@ -396,7 +403,7 @@ class PlanStage:
             (weights.jerk, u[m : m + n]),
         ):
             costs += [a * (math.sqrt(weight) * root) for a in values]
-        forces = (weights.force, push if self.contact else ())
+        forces = (weights.force, [*push] if self.contact else [])
         for weight, values in (forces, (weights.across, self.across(state))):
             costs += [a * (math.sqrt(weight) / self.weight * root) for a in values]
         if self.free:
@@ -439,7 +446,7 @@ class PlanStage:
             "attitude": [2.0 * turn.x, 2.0 * turn.y, 2.0 * turn.z],
             "velocity": [*(state.velocity - data.velocity)],
             "rate": [*state.rate],
-            "joints": [a - b for a, b in zip(state.joints, data.joints, strict=True)],
+            "joints": differences(state.joints, data.joints),
             "joint_rates": [*state.joint_rates],
             # in units of gravity and of 50 rad/s^2, so that both errors are of like
             # size
@@ -587,25 +594,18 @@ def largest(effort: Scalar) -> float:
 def retraction(x: Sequence[Scalar], d: Sequence[Scalar]) -> list[Scalar]:
     """State moved by a tangent: the quaternion by q (1, d/2), normalised."""
     q = Quaternion(*x[3:7]) * Quaternion(1.0, 0.5 * d[3], 0.5 * d[4], 0.5 * d[5])
-    added = [a + b for a, b in zip(x[7:], d[6:], strict=True)]
-    return [
-        *(a + b for a, b in zip(x[:3], d[:3], strict=True)),
-        *q.normalized(),
-        *added,
-    ]
+    return [*sums(x[:3], d[:3]), *q.normalized(), *sums(x[7:], d[6:])]
 
 
 def gap(end: Sequence[Scalar], following: Sequence[Scalar]) -> list[Scalar]:
     """Tangent from a state to the end of the stage before it."""
     # twice the vector part is the rotation vector to first order
     turn = Quaternion(*following[3:7]).conjugate() * Quaternion(*end[3:7])
-    straight = [
-        a - b
-        for a, b in zip(
-            (*end[:3], *end[7:]), (*following[:3], *following[7:]), strict=True
-        )
+    return [
+        *differences(end[:3], following[:3]),
+        *(2.0 * c for c in (turn.x, turn.y, turn.z)),
+        *differences(end[7:], following[7:]),
     ]
-    return [*straight[:3], 2.0 * turn.x, 2.0 * turn.y, 2.0 * turn.z, *straight[3:]]
 
 
 WHOLE = np.ones(1)
@@ -647,7 +647,7 @@ class CompiledStage:
             x, u, following, given, dx, du, dnext = row
             scaled = partial(map, lambda d: par[0] * d)
             moved = retraction(x, list(scaled(dx)))
-            pushed = [a + b for a, b in zip(u, scaled(du), strict=True)]
+            pushed = sums(u, list(scaled(du)))
             later = retraction(following, list(scaled(dnext)))
             return carry, tuple(map(data, outputs(moved, pushed, later, given)))
 
@@ -680,22 +680,11 @@ class CompiledStage:
         self.nx, self.nt, self.nu = nx, nt, nu
         self.names = tuple(name for name, _ in (*values.inputs, *values.limits))
         self.input_limits = len(values.inputs)
-        ends = np.cumsum(
-            [
-                nt,
-                len(values.costs),
-                sum(map(len, values.goals.values())),
-                len(self.names),
-            ]
+        sizes = [len(values.goals[name]) for name in GOALS]
+        self.costs, self.goals, self.limits = slices(
+            (len(values.costs), sum(sizes), len(self.names)), nt
         )
-        self.costs, self.goals, self.limits = (
-            slice(int(a), int(b)) for a, b in itertools.pairwise(ends)
-        )
-        self.goal = {}
-        at = 0
-        for name in GOALS:
-            self.goal[name] = slice(at, at + len(values.goals[name]))
-            at += len(values.goals[name])
+        self.goal = dict(zip(GOALS, slices(sizes), strict=True))
         self._directions = np.eye(nt + nu)
 
     def values(

@@ -429,12 +429,8 @@ def _check_phase(
             " rest"
         )
     # phases other than free motions are stated by where the tip is
-    needs_tip = (
-        phase.kind != "go"
-        or goal.tip is not None
-        or goal.tip_velocity is not None
-        or goal.tip_axis is not None
-    )
+    of_tip = (goal.tip, goal.tip_velocity, goal.tip_axis)
+    needs_tip = phase.kind != "go" or any(each is not None for each in of_tip)
     if needs_tip and not vehicle.end_effector:
         raise TaskError(
             f"{at}: needs a vehicle with a tip; {vehicle.name!r} has none"

@@ -92,13 +92,14 @@ def com_columns(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
         if parent != BASE:
             masses[parent] = add(masses[parent], masses[i])
             moments[parent] = moments[parent] + moments[i]
-    columns = []
-    for i, axis in enumerate(axes(vehicle, poses)):
-        if vehicle.links[i].joint.turns:
-            columns.append(axis.cross(moments[i] - poses[i].p * masses[i]))
-        else:
-            columns.append(axis * masses[i])
-    return columns
+    return [
+        (
+            axis.cross(moments[i] - poses[i].p * masses[i])
+            if vehicle.links[i].joint.turns
+            else axis * masses[i]
+        )
+        for i, axis in enumerate(axes(vehicle, poses))
+    ]
 
 
 def arm_reaction(

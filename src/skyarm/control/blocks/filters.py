@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Annotated, TypeVar
 
 from skyarm.algebra import Scalar, Vec3
@@ -102,14 +101,3 @@ def apply_butterworth(
         ),
         out,
     )
-
-
-def filtered_all(
-    taps: Sequence[Taps], values: Sequence[Scalar], par: Butterworth
-) -> tuple[tuple[Taps, ...], list[Scalar]]:
-    """Step of one Butterworth filter per signal: next filter states and outputs."""
-    pairs = [
-        apply_butterworth(each, value, par)
-        for each, value in zip(taps, values, strict=True)
-    ]
-    return tuple(following for following, _ in pairs), [out for _, out in pairs]

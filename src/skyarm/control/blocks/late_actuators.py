@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Annotated
 
 from skyarm.algebra import Scalar, Scalars, differences, inner_product
-from skyarm.algebra.scalars import divide, exp, maximum, minimum, mul, sub, where
+from skyarm.algebra.scalars import clip, divide, exp, maximum, minimum, mul, sub, where
 from skyarm.control.blocks.prediction import Actuation
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
@@ -93,10 +93,7 @@ class Past:
         the last ``age`` periods.
         """
         # how long each period, newest first, lies within the last age ones
-        return [
-            minimum(maximum(sub(age, float(k)), 0.0), 1.0)
-            for k in range(len(self.squares))
-        ]
+        return [clip(sub(age, float(k)), 0.0, 1.0) for k in range(len(self.squares))]
 
 
 def turn(

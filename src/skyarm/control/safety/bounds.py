@@ -201,7 +201,7 @@ def govern_joints(
     ):
         # the barrier acts from one margin on: a reference at two is tracked without it
         low, high = add(joint.lower, 2.0 * margin), sub(joint.upper, 2.0 * margin)
-        target = minimum(maximum(desired, low), high)
+        target = clip(desired, low, high)
         step = mul(speed, dt)
         gap = sub(target, old)
         slow = absolute(gap) > where(ramp > 0.5, step, maximum(step, free))
@@ -370,7 +370,7 @@ def _within_barrier(
         bottom = maximum(
             sub(mul(square, below), damp), mul(4.0 * k, sub(0.0 - speed, rate))
         )
-        bounded.append(minimum(maximum(qdd, bottom), top))
+        bounded.append(clip(qdd, bottom, top))
     return bounded
 
 

@@ -116,7 +116,7 @@ def update_confidence(
     ):
         lost = logical_or(lost, absolute(rate) > most)
     failing = logical_or(failed, logical_or(lost, outside > limits.patience))
-
+    sound = where(failing, False, True)
     calm_now = logical_and(
         upright > math.cos(CALM_TILT), turning < CALM_RATE * CALM_RATE
     )
@@ -126,10 +126,10 @@ def update_confidence(
     calm = where(
         logical_and(confidence.given_up > 0.5, calm_now), confidence.calm + dt, 0.0
     )
-    back = logical_and(calm > limits.calm, where(failing, False, True))
+    back = logical_and(calm > limits.calm, sound)
     flying = logical_or(confidence.given_up < 0.5, back)
     return Confidence(
-        given_up=where(logical_and(flying, where(failing, False, True)), 0.0, 1.0),
+        given_up=where(logical_and(flying, sound), 0.0, 1.0),
         outside=outside,
         calm=where(back, 0.0, calm),
     )

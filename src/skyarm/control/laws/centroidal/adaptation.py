@@ -32,7 +32,7 @@ from typing import Annotated
 
 import numpy as np
 
-from skyarm.algebra import E_Z, ZERO3_DATA, Scalar, Scalars, Vec3, differences
+from skyarm.algebra import E_Z, ZERO3_DATA, Scalar, Scalars, Vec3, differences, sums
 from skyarm.algebra.scalars import (
     add,
     clip,
@@ -300,26 +300,20 @@ class AdaptationGains(OptionalPart):
         """
         # the doubted part of the model's damping is in what is learned, which began
         # with it
-        own = [
-            sub(link.joint.damping, d)
-            for link, d in zip(par.model.vehicle.links, self.doubted, strict=True)
-        ]
-        pairs = zip(own, self.split_damping(memory.joints)[0], strict=True)
-        return with_joint_damping(par, [add(damping, more) for damping, more in pairs])
+        dampings = [joint.damping for joint in par.model.vehicle.joints]
+        own = differences(dampings, self.doubted)
+        return with_joint_damping(par, sums(own, self.split_damping(memory.joints)[0]))
 
     def split_damping(
         self, joints: Sequence[JointLearned]
-    ) -> tuple[list[Scalar], list[Scalar]]:
+    ) -> tuple[list[Scalar], Scalars]:
         """Split of each joint's adapted damping: the part added to the model, and the
         rest, for feed-forward.
         """
-        inside = [
-            minimum(joint.damping, most)
-            for joint, most in zip(joints, self.modelled, strict=True)
-        ]
-        return inside, [
-            sub(joint.damping, part) for joint, part in zip(joints, inside, strict=True)
-        ]
+        whole = [joint.damping for joint in joints]
+        rows = zip(whole, self.modelled, strict=True)
+        inside = [minimum(damping, most) for damping, most in rows]
+        return inside, differences(whole, inside)
 
     def start(self, joints: int) -> Learned:
         """Initial state of the tip-mass and friction adaptation: no load, and the

@@ -256,12 +256,6 @@ def _turning_axis(vehicle: Vehicle, level: Posture, i: int) -> Vec3:
     )
 
 
-def lever_of(vehicle: Vehicle, joints: Sequence[Scalar]) -> Scalar:
-    """Height of a level vehicle's centre of mass above its tip, m."""
-    at = posture(vehicle, [Taylor.constant(q, 0) for q in joints], 0)
-    return derivative(at.com, 0).z - derivative(at.tip, 0).z
-
-
 def coming_levers(
     vehicle: Vehicle, samples: Sequence[Sequence[Sample]]
 ) -> list[Scalar]:
@@ -271,8 +265,12 @@ def coming_levers(
     A posture costs as much as the rest of the work for a sample, and those two count
     less than the others.
     """
+    levels = [
+        posture(vehicle, [Taylor.constant(q, 0) for q, _, _ in samples[k][4:]], 0)
+        for k in (0, 1, 3)
+    ]
     one, two, four = (
-        lever_of(vehicle, [q for q, _, _ in samples[k][4:]]) for k in (0, 1, 3)
+        derivative(at.com, 0).z - derivative(at.tip, 0).z for at in levels
     )
     return [one, two, 0.5 * (two + four), four, four]
 

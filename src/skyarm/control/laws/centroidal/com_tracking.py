@@ -92,16 +92,15 @@ def goal(
 
     ``moving`` differentiates R_q too, in velocity and acceleration.
     """
-    if not moving:
-        return [p + still.R.apply(each) for p, each in zip(base, h, strict=True)]
-    w, alpha = still.rate, still.acceleration
-    carried = [
-        h[0],
-        w.cross(h[0]) + h[1],
-        alpha.cross(h[0]) + w.cross(w.cross(h[0])) + w.cross(h[1]) * 2.0 + h[2],
-        *h[3:],
-    ]
-    return [p + still.R.apply(each) for p, each in zip(base, carried, strict=True)]
+    if moving:
+        w, alpha = still.rate, still.acceleration
+        h = [
+            h[0],
+            w.cross(h[0]) + h[1],
+            alpha.cross(h[0]) + w.cross(w.cross(h[0])) + w.cross(h[1]) * 2.0 + h[2],
+            *h[3:],
+        ]
+    return [p + still.R.apply(each) for p, each in zip(base, h, strict=True)]
 
 
 def thrust(

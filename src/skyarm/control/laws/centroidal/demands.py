@@ -19,6 +19,7 @@ from skyarm.algebra import (
 )
 from skyarm.algebra.scalars import (
     add,
+    clip,
     divide,
     maximum,
     minimum,
@@ -385,7 +386,7 @@ def within_limits(
             limited = maximum(limited, maximum(end, square * joint.lower) - gone)
         if joint.turns and not (low or high):
             asked, room = towards(0.0, references[i], 0.0, pole) - gone, square * TURN
-            limited = minimum(maximum(limited, asked - room), asked + room)
+            limited = clip(limited, asked - room, asked + room)
         # the one limit does not let it brake less for the other
         if high:
             limited = brake_at_limit(

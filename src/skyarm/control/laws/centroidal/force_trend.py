@@ -23,7 +23,7 @@ from dataclasses import replace
 from typing import Annotated
 
 from skyarm.algebra import ZERO3, ZERO3_DATA, Scalar, Vec3
-from skyarm.algebra.scalars import divide, exp, maximum, minimum
+from skyarm.algebra.scalars import clip, divide, exp, maximum
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.prediction import Disturbance
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, OptionalPart
@@ -188,8 +188,8 @@ def rate_weights(gains: TrendGains, memory: ForceTrend) -> tuple[Scalar, Scalar]
     """
     slope = divide(memory.agreement, memory.size + gains.noise)
     even = _no_step(gains, memory.rate)
-    far = minimum(maximum((slope - CHANCE) * (1.0 / (1.0 - CHANCE)), 0.0), 1.0)
-    return far * even, minimum(maximum(slope, 0.0), 1.0) * even
+    far = clip((slope - CHANCE) * (1.0 / (1.0 - CHANCE)), 0.0, 1.0)
+    return far * even, clip(slope, 0.0, 1.0) * even
 
 
 def lateness(par: CentroidalParameters) -> Scalar:

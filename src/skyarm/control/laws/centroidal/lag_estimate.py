@@ -37,6 +37,7 @@ from typing import Annotated
 from skyarm.algebra import Scalar, Scalars, differences, inner_product
 from skyarm.algebra.scalars import (
     add,
+    clip,
     data,
     divide,
     maximum,
@@ -251,7 +252,8 @@ class LagGains(OptionalPart):
         ]
         believed = _in_row(memory.believed, own, running, dt)
         measured = _in_row(memory.measured, seen, running, dt)
-        band = _band_pass(believed)
+        # what passed HIGH twice, less its own low pass at LOW
+        band = differences(believed[1], believed[2])
         past = [
             band,
             *(
@@ -263,7 +265,7 @@ class LagGains(OptionalPart):
         # with a wrong model the phase of its errors wanders: evidence of longer
         rate = SLOWLY + (FORGETTING - SLOWLY) * delay_share(memory)
         first = divide(1.0, memory.count + FIRST)
-        here = _band_pass(measured)
+        here = differences(measured[1], measured[2])
         groups = (
             (memory.base, slice(0, TILTS), rate),
             (memory.arm, slice(TILTS, None), OF_JOINTS),
@@ -434,7 +436,7 @@ def delay_share(memory: LagMemory) -> Scalar:
         for s, a in zip(memory.size, memory.agreement, strict=True)
     )
     times = minimum(roll, pitch)
-    return minimum(maximum((SLOW - times) * (1.0 / (SLOW - SMALLER)), 0.0), 1.0)
+    return clip((SLOW - times) * (1.0 / (SLOW - SMALLER)), 0.0, 1.0)
 
 
 def weigh(bank: Bank) -> list[Scalar]:
@@ -480,12 +482,6 @@ def _in_row(
         new = tuple(o + share * (n - o) for o, n in zip(old, new, strict=True))
         states.append(new)
     return tuple(states)
-
-
-def _band_pass(filtered: Sequence[Sequence[Scalar]]) -> Scalars:
-    """Band-pass output: low-pass at the upper edge minus low-pass at the lower edge."""
-    # what passed HIGH twice, less its own low pass at LOW
-    return differences(filtered[1], filtered[2])
 
 
 def _bank(

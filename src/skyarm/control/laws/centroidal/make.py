@@ -34,7 +34,11 @@ from skyarm.control.laws.centroidal.law import (
     PartMemories,
     centroidal,
 )
-from skyarm.control.laws.centroidal.noise_estimate import noise_gains
+from skyarm.control.laws.centroidal.noise_estimate import (
+    VELOCITY,
+    NoiseGains,
+    noise_share,
+)
 from skyarm.control.laws.centroidal.options import (
     PERIODS,
     VALUES,
@@ -218,7 +222,7 @@ def make_centroidal(
                 if any(gains["lag"])
                 else None
             ),
-            noise=noise_gains(vehicle, hears),
+            noise=NoiseGains(density=VELOCITY * noise_share(vehicle), hears=hears),
             **contact_parts(
                 gains, admittance, vehicle, leads=leads, lead=lead, periods=periods
             ),

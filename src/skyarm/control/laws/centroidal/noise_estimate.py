@@ -167,13 +167,6 @@ class NoiseGains(OptionalPart):
         )
 
 
-def noise_gains(vehicle: Vehicle, hears: bool) -> NoiseGains:
-    """Constants of the noise estimate for a vehicle, with or without an
-    accelerometer.
-    """
-    return NoiseGains(density=VELOCITY * noise_share(vehicle), hears=hears)
-
-
 def noise_share(vehicle: Vehicle) -> float:
     """Factor (0 to 1) on the tolerated velocity noise: nominal motor time constant over
     that of the slowest motor.

@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Annotated, Any, TypeVar
 
 from skyarm.algebra import Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import divide, maximum, minimum, mul, sqrt, total
+from skyarm.algebra.scalars import clip, divide, maximum, mul, sqrt, total
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains
 from skyarm.control.blocks.held_damping import doubted_dampings, joint_mobilities
@@ -405,7 +405,7 @@ def brace_joints(
     straight = divide(bend, total([bend, *(mul(lever, lever) for lever in levers)]))
     room = maximum(1.0 - late * (1.0 / LATEST), 0.0) * straight
     damping, quicker = (
-        1.0 + room * minimum(maximum((share - least) * growth, 0.0), most - 1.0)
+        1.0 + room * clip((share - least) * growth, 0.0, most - 1.0)
         for least, growth, most in (BRACES, QUICKER)
     )
     # a load at the tip that nobody knows of divides both gains: the loop is to stay

@@ -24,7 +24,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from importlib import resources
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -184,11 +184,7 @@ def unlike(vehicle: Vehicle, training: Training) -> str:
 
 def shipped_network() -> tuple[Network, Training]:
     """Network shipped with the package, and its training record."""
-    return read_network(
-        resources.files("skyarm.control.laws.learned")
-        .joinpath(FILE)
-        .read_text(encoding="utf-8")
-    )
+    return read_network(Path(__file__).with_name(FILE).read_text("utf-8"))
 
 
 def _numbers(values: Iterable[float]) -> tuple[float, ...]:

@@ -100,13 +100,10 @@ def worst_cost(weights: Weights, mode: str, joints: int, horizon: float) -> floa
     """Largest cost of an acceptable plan: :data:`TIMES` the cost of constant errors
     :data:`WORST`.
     """
-    errors = [
-        float(weights.position) * WORST["position"],
-        float(weights.velocity) * WORST["velocity"],
-    ]
-    errors += [float(weights.joints) * WORST["joints"]] * joints
+    names = ["position", "velocity"] + ["joints"] * joints
     if mode != "joints":
-        errors.append(float(weights.tool) * WORST["tool"])
+        names.append("tool")
+    errors = [float(getattr(weights, name)) * WORST[name] for name in names]
     # stages count by their time, the last one by its weight
     return (
         TIMES

@@ -87,7 +87,7 @@ from skyarm.control.laws.predictive.tip_contact import (
 )
 from skyarm.control.model import MeasurementAge, Model
 from skyarm.dynamics.actuators import Command, Mixer, make_mixer
-from skyarm.records.arrays import Array, float_array, norm
+from skyarm.records.arrays import Array, doubles, float_array, norm
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import leaves
@@ -347,7 +347,7 @@ def nmpc(
     if trust.flies_plans:
         command = _command(engine, plan, since, x, dt)
     else:
-        reading = np.array(leaves(measurement), dtype=float)
+        reading = doubles(leaves(measurement))
         command = engine.stabiliser.command(
             reading, bearable(disturbance, engine.bounds.efforts), sample
         )

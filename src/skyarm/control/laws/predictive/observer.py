@@ -210,9 +210,7 @@ class Observation:
             *m.rotor_speeds,
         )
         estimate = doubles([*moving, *(0.0,) * (6 + self.joints)])
-        return ObserverState(
-            estimate, first_lateness(np.array(m.rotor_speeds, dtype=float))
-        )
+        return ObserverState(estimate, first_lateness(doubles(m.rotor_speeds)))
 
     def update(
         self, past: ObserverState, sent: Command, measurement: Measurement
@@ -220,7 +218,7 @@ class Observation:
         """Observer state after a new measurement, where ``sent`` is the command of the
         preceding period.
         """
-        reading = np.array(leaves(replace(measurement, **NOT_READ)), dtype=float)
+        reading = doubles(leaves(replace(measurement, **NOT_READ)))
         shown = (*past.shown, sent)[-1 - LONGEST :]
         modelled = speeds_under(
             self.motors, past.late.modelled[0], np.array(sent.rotor_speeds)
@@ -228,7 +226,7 @@ class Observation:
         late = update_lateness(
             past.late,
             modelled,
-            np.array(measurement.rotor_speeds, dtype=float),
+            doubles(measurement.rotor_speeds),
             self.dt,
         )
         # early in a flight fewer commands than the delay are known: the oldest acts

@@ -17,12 +17,13 @@ from functools import partial
 import numpy as np
 
 from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra.frames import unit_rows
 from skyarm.control.blocks.geometric import desired_attitude
 from skyarm.control.laws.predictive.cost import given_way
 from skyarm.control.laws.predictive.solver import Compiled
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
-from skyarm.records.arrays import Array, IntArray
+from skyarm.records.arrays import Array, IntArray, doubles
 from skyarm.records.immutable import positional
 from skyarm.reference import Reference
 from skyarm.reference.preview import samples, samples_ahead
@@ -126,16 +127,14 @@ def update_sample(
     A sample has come when it differs; one that came where none was predicted starts
     with no jerk.
     """
-    motion = np.array(samples(reference), dtype=float).T
+    motion = doubles(samples(reference)).T
     still = np.zeros(motion.shape[1])
     first = SampledReference(motion, still, 0.0, still, still)
     if reference.ahead:
         rows = [samples(reference), *samples_ahead(reference)]
-        coming = np.array(rows, dtype=float).transpose(2, 0, 1)
+        coming = doubles(rows).transpose(2, 0, 1)
         turning = (
-            np.array(reference.turning, dtype=float)
-            .reshape(len(rows), 2, -1)
-            .transpose(1, 0, 2)
+            doubles(reference.turning).reshape(len(rows), 2, -1).transpose(1, 0, 2)
         )
         first = replace(first, coming=coming, turning=turning)
     if before is None:
@@ -198,7 +197,7 @@ def planned_motion(
     k = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(leads) - 1)
     motion = _spline_at(sample.coming, knots, k, at)
     turning = _spline_at(sample.turning, knots, k, at)
-    q = turning[0, :, :4] / np.linalg.norm(turning[0, :, :4], axis=1, keepdims=True)
+    q = unit_rows(turning[0, :, :4])
     w, a, b, c = q.T
     # 2 conj(q) dq/dt is the body's rate
     left = 2.0 * np.stack([[-a, w, c, -b], [-b, -c, w, a], [-c, b, -a, w]]).transpose(
@@ -247,7 +246,7 @@ def _hermite(orders: int) -> Array:
         [math.perm(i, d) * at ** max(i - d, 0) for i in range(2 * orders)]
         for at, d in rows
     ]
-    return np.asarray(np.linalg.inv(powers), dtype=np.float64)
+    return doubles(np.linalg.inv(powers))
 
 
 HERMITE = {orders: _hermite(orders) for orders in (2, 3)}

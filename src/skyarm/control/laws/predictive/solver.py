@@ -297,7 +297,6 @@ class Rollouts:
         loop = trace_loop(stage, (state, (0.0,)), ((0.0,), disturbance), row)
         self.kernel = Kernel(loop, logging=True)
         self.nx = nx
-        self.nu = nu
 
     def run(
         self,
@@ -322,15 +321,12 @@ class Rollouts:
         """
         times, d, goals = given
         count = len(u)
-        rows = np.zeros((count + 1, self.kernel.loop.row))
-        ends = np.cumsum([self.nx, self.nu, self.nu, self.nu * self.nx])
-        rows[:, : ends[0]] = x
-        rows[:count, ends[0] : ends[1]], rows[:count, ends[1] : ends[2]] = u, feedback.k
-        rows[:count, ends[2] : ends[3]] = feedback.K.reshape(count, -1)
+        inputs = np.hstack([u, feedback.k, feedback.K.reshape(count, -1)])
+        running = times[:, 1:].copy()
         # there is no input at the end of the horizon
-        rows[:, ends[3] : ends[3] + 2] = times
-        rows[:count, ends[3] + 2] = times[:count, 1]
-        rows[:, ends[3] + 3 :] = goals
+        running[-1] = 0.0
+        none = np.zeros_like(inputs[:1])
+        rows = np.hstack([x, np.vstack([inputs, none]), times, running, goals])
         lanes = len(a)
         carry = np.zeros((self.nx + 1, lanes))
         carry[: self.nx] = start[:, None]
@@ -398,11 +394,9 @@ def policy(
     nu = width - nx
     # columns in the order inputs, states, one: every stage is then two products and one
     # small system
-    J = np.concatenate(
-        [problem.J[:, :, nx:], problem.J[:, :, :nx], problem.r[:, :, None]], axis=2
-    )
-    step = np.concatenate(
-        [problem.AB[:, :, nx:], problem.AB[:, :, :nx], problem.c[:, :, None]], axis=2
+    J, step = (
+        np.concatenate([A[:, :, nx:], A[:, :, :nx], b[:, :, None]], axis=2)
+        for A, b in ((problem.J, problem.r), (problem.AB, problem.c))
     )
     own = J.transpose(0, 2, 1)[:, :width] @ J
     P, p = own[stages, nu:, nu:width], own[stages, nu:, width]
@@ -585,19 +579,17 @@ class Riccati:
         )
         low, high = self._room(guess, len(self.bounds.speeds))
         first = problem.start - guess.x[0]
-        feedback = policy(here, damping=guess.damping)
-        _, du = rollout(here, feedback, first, low, high)
-        fixed = np.zeros(du.shape, dtype=bool)
-        for _ in range(PASSES):
+        at = np.zeros(low.shape)
+        fixed = at > 0.0
+        for _ in range(PASSES + 1):
+            feedback = policy(here, fixed, at, damping=guess.damping)
+            _, du = rollout(here, feedback, first, low, high)
             clipped = (du <= low) | (du >= high)
             if not (clipped & ~fixed).any():
                 break
             # what is at a limit stays there, and the other inputs make the best of it
             fixed |= clipped
-            feedback = policy(
-                here, fixed, np.where(du <= low, low, high), damping=guess.damping
-            )
-            _, du = rollout(here, feedback, first, low, high)
+            at = np.where(du <= low, low, high)
         return feedback
 
     def _room(self, guess: MotionPlan, rotors: int) -> tuple[Array, Array]:
@@ -605,9 +597,7 @@ class Riccati:
         effort limits.
         """
         speeds, dt = guess.x[:-1, -rotors:], self.steps[:, None]
-        efforts = np.broadcast_to(
-            self.bounds.efforts, (len(self.steps), len(self.bounds.efforts))
-        )
+        efforts = np.tile(self.bounds.efforts, (len(self.steps), 1))
         low = np.hstack([-speeds / dt, -efforts])
         high = np.hstack([(self.bounds.speeds - speeds) / dt, efforts])
         # a guess beyond its limits may stay: no change is always within

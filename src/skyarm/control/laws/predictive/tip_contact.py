@@ -30,7 +30,7 @@ from skyarm.control.laws.predictive.cost import tip_velocity
 from skyarm.control.laws.predictive.solver import Compiled, examples
 from skyarm.control.model import Model
 from skyarm.dynamics import State, frame_pose
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
 
@@ -167,10 +167,8 @@ class TipContact:
             push: requested by the reference.
             signals: (4 + joints,) of the reference now.
         """
-        memory = np.array(leaves(before or self.first), dtype=float)
-        return self.step.record(
-            memory, estimate, np.array(push[:ENTRIES], dtype=float), signals
-        )
+        memory = doubles(leaves(before or self.first))
+        return self.step.record(memory, estimate, doubles(push[:ENTRIES]), signals)
 
 
 def shift_ahead(
@@ -191,10 +189,11 @@ def shift_ahead(
         late = np.exp(-coming * t)
         off = rate + speed
         place = s - speed * t + off * (1.0 - late) / coming
-        inside = place > -float(gains.furthest)
+        far = -float(gains.furthest)
+        inside = place > far
         going = np.where(inside, off * late - speed, 0.0)
         return (
-            np.maximum(place, -float(gains.furthest)),
+            np.maximum(place, far),
             going,
             np.where(inside, -coming * off * late, 0.0),
         )
@@ -202,10 +201,11 @@ def shift_ahead(
     end = s + float(touch.gap) if touch.rising else 0.0
     away, slope = s - end, rate + w * (s - end)
     late = np.exp(-w * t)
+    place = away + slope * t
     return (
-        end + (away + slope * t) * late,
-        (slope - w * (away + slope * t)) * late,
-        (w * w * (away + slope * t) - 2.0 * w * slope) * late,
+        end + place * late,
+        (slope - w * place) * late,
+        (w * w * place - 2.0 * w * slope) * late,
     )
 
 

@@ -50,8 +50,8 @@ from skyarm.control.blocks.common import (
 )
 from skyarm.control.blocks.filters import (
     Taps,
+    apply_butterworth,
     butterworth,
-    filtered_all,
     settle,
 )
 from skyarm.control.blocks.select import choose_each
@@ -214,11 +214,13 @@ def _filter_signals(
     ]
     # one filter for all signals, so that each is late by the same
     coefficients = butterworth(minimum(par.cutoff, divide(NYQUIST_SHARE, dt)), dt)
-    taps = tuple(
-        blend(first, settle(value, coefficients), old)
+    pairs = [
+        apply_butterworth(
+            blend(first, settle(value, coefficients), old), value, coefficients
+        )
         for value, old in zip(signals, memory.taps, strict=True)
-    )
-    return filtered_all(taps, signals, coefficients)
+    ]
+    return tuple(following for following, _ in pairs), [out for _, out in pairs]
 
 
 def first_memory(par: IndiParameters) -> IndiMemory:

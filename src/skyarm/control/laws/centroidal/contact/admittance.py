@@ -287,11 +287,14 @@ class AdmittanceGains(OptionalPart):
         """Shift the reference by the admittance offset; stop adaptation during and
         shortly after an external force.
         """
-        vehicle = step.par.model.vehicle
-        reading = step.measurement.tip_force
-        observed = step.seen.observed
         memory, signals = shift_reference(
-            self, memory, vehicle, observed, effect.signals, reading, step.dt
+            self,
+            memory,
+            step.par.model.vehicle,
+            step.seen.observed,
+            effect.signals,
+            step.measurement.tip_force,
+            step.dt,
         )
         effect = replace(effect, signals=signals, external=memory.detected)
         return memory, effect.isolating(self.force_cleared(memory))

@@ -63,12 +63,8 @@ class Interaction(InteractionGains, OptionalPart):
 
     def start(self, joints: int) -> InteractionMemory:
         """Initial state of the contact force controller: no contact."""
-        first = first_interaction(joints, self.sensing is not None)
-        return (
-            first
-            if self.tolerances is None
-            else replace(first, scale=first_scale(joints))
-        )
+        scale = () if self.tolerances is None else first_scale(joints)
+        return replace(first_interaction(joints, self.sensing is not None), scale=scale)
 
     def adjust_gains(
         self, memory: InteractionMemory, par: CentroidalParameters, dt: Scalar
