@@ -451,7 +451,6 @@ def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
     values = whole_values(values)
     link = values.pop("link", None)
     seat = place_in(bodies, link or origin.link, f"{where}.link")
-    # what the vehicle file states itself
     # a place from the vehicle file counts from the base, one of the robot's file from
     # its link
     of_base = place_in(bodies, link or "base", f"{where}.link")

@@ -384,11 +384,13 @@ def kind_of_joint(joint: ET.Element) -> str:
 
 def limits(joint: ET.Element) -> tuple[float, float]:
     """Lower and upper limit of a joint, rad or m; infinite where the file states none,
-    or Gazebo's number for none.
+    or Gazebo's number for none, and zero of a fixed joint.
 
     By the specification a limit that is not stated is 0. That is taken where the other
     one leaves the joint room to move; elsewhere it has been forgotten.
     """
+    if kind_of_joint(joint) == "fixed":
+        return 0.0, 0.0
     field = f"joint[{joint.get('name')}]"
     limit = child(joint, "limit", field)
     if joint.get("type") == "continuous" or limit is None:
@@ -416,8 +418,6 @@ def fixed_at(joint: ET.Element) -> float | None:
     """Constant value of a fixed joint or one with equal limits, rad or m; None if it
     can move.
     """
-    if kind_of_joint(joint) == "fixed":
-        return 0.0
     # limits that are left out are never equal: limits() leaves the joint room there
     lower, upper = limits(joint)
     return lower if lower == upper else None
@@ -522,9 +522,7 @@ def resting(follows: Mimic, joints: Mapping[str, ET.Element]) -> float:
     """
     if follows.joint not in joints:
         return follows.at_rest()
-    leader = joints[follows.joint]
-    fixed = fixed_at(leader)
-    return follows.at_rest(*(limits(leader) if fixed is None else (fixed, fixed)))
+    return follows.at_rest(*limits(joints[follows.joint]))
 
 
 PACKAGES, FILE = ("package://", "model://"), "file://"

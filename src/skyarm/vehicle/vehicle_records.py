@@ -128,6 +128,7 @@ class Rotor:
     thrust_coefficient: Annotated[
         Scalar, positive("N s^2/rad^2", "k_f: thrust per squared speed", rule=number)
     ]
+    # half a metre of drag torque per thrust is the drag of no propeller
     moment_coefficient: Annotated[
         Scalar, Unit("m", "k_m: drag torque per thrust", usual=0.5, **SHARE)
     ]
@@ -202,7 +203,6 @@ class Rotor:
         accept_named(self, "rotor")
 
     @property
-    # a moment coefficient of half a metre is the drag of no propeller
     def min_speed(self) -> Scalar:
         """Least speed, rad/s: 0, or that of a reversible rotor which turns
         backwards.
@@ -456,11 +456,7 @@ class Vehicle:
     @property
     def moving(self) -> tuple[Link, ...]:
         """All links that joints move: the independent links, then the followers."""
-        return (
-            (*self.links, *(each.link for each in self.followers))
-            if self.followers
-            else self.links
-        )
+        return (*self.links, *(each.link for each in self.followers))
 
     @property
     def with_free_followers(self) -> Vehicle:

@@ -580,7 +580,6 @@ def _override_joints(
         for link in bodies.links
         if link.joint.name not in own
     }
-    # ball joints
     # a ball joint is no joint here and may only be held, at rest
     only_held = {
         name: (0.0, 0.0) for joints in bodies.faults.values() for name in joints

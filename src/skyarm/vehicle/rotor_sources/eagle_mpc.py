@@ -31,9 +31,9 @@ WORDS = {
 
 
 def eagle_mpc_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
-    # a file of another suffix is not opened, because YAML takes almost any text
     """Rotors of the ``platform`` of a YAML file, in their order."""
     name = file.path.name
+    # a file of another suffix is not opened, because YAML takes almost any text
     if file.path.suffix not in (".yaml", ".yml"):
         return ()
     try:
