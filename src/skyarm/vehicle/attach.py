@@ -181,6 +181,7 @@ def bodies_of(vehicle: Vehicle) -> RigidBodies:
 
 
 def _with_prefix(arm: RigidBodies, prefix: str) -> RigidBodies:
+    """Arm whose links, joints and frames have a prefix before their names."""
     if not prefix:
         return arm
 
@@ -577,6 +578,7 @@ class Notes:
 
 
 def _line(kind: str, text: str, names: list[str]) -> str:
+    """Text of one note, with the first few names of its elements."""
     if not names:
         return printable(text)
     listed = ", ".join(names[:SHOWN]) + (

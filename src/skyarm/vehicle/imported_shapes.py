@@ -30,7 +30,7 @@ MOST_VERTICES = 32
 with it."""
 
 MOST_CORNERS = 256
-"""Largest number of corners of a hull that a file may state."""
+"""Largest number of corners of a hull that a file may state, for the same reason."""
 
 SHORTEST = 1e-6
 """Least length (m) of a capsule that is fitted, for a length must not be zero."""

@@ -48,7 +48,7 @@ FOLDERS = (
 
 DEEPEST = 100
 """Largest number of models in one vehicle, and of frames between a frame and the
-vehicle's."""
+vehicle's: files that include themselves and poses in a ring end in an error there."""
 
 OF_PLUGINS = ("linkName", "jointName", "link_name")
 """Elements anywhere in a plugin that name a link or joint of its model."""

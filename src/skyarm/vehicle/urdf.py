@@ -289,6 +289,7 @@ def _constant_value(
 
 
 def _read_elements(robot: ET.Element) -> _File:
+    """Links, joints and mimic joints of a robot; a missing link world is added."""
     links, joints = _by_name(robot, "link"), _by_name(robot, "joint")
     if "world" not in links and any(
         joint.find("parent[@link='world']") is not None for joint in joints.values()
@@ -299,6 +300,7 @@ def _read_elements(robot: ET.Element) -> _File:
 
 
 def _by_name(robot: ET.Element, tag: str) -> dict[str, ET.Element]:
+    """Links or joints of a robot by name, which must be there and unique."""
     elements: dict[str, ET.Element] = {}
     for element in robot.findall(tag):
         name = element.get("name", "")
@@ -333,6 +335,7 @@ def _joints_above(
 
 
 def _end(joint: ET.Element, tag: str, links: Mapping[str, ET.Element]) -> str:
+    """Name of the parent or child link of a joint (``tag``), which must exist."""
     element = child(joint, tag, f"joint[{joint.get('name')}]")
     name = element.get("link", "") if element is not None else ""
     if name not in links:
@@ -384,7 +387,9 @@ def kind_of_joint(joint: ET.Element) -> str:
 
 def limits(joint: ET.Element) -> tuple[float, float]:
     """Lower and upper limit of a joint, rad or m; infinite where the file states none,
-    or Gazebo's number for none, and zero of a fixed joint.
+    zero of a fixed joint.
+
+    Gazebo's number for none is none, too.
 
     By the specification a limit that is not stated is 0. That is taken where the other
     one leaves the joint room to move; elsewhere it has been forgotten.
@@ -546,6 +551,7 @@ def mesh_file(address: str, urdf: Path) -> Path | None:
 
 
 def _candidates(address: str, urdf: Path) -> list[Path]:
+    """Paths at which the file of a mesh address may lie, the likeliest first."""
     folder = urdf.resolve().parent
     if address.startswith(FILE):
         return [Path(address.removeprefix(FILE))]

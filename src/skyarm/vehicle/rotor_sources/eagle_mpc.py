@@ -86,6 +86,7 @@ def eagle_mpc_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
 def _rotor(
     table: Fields, name: str, link: str, values: dict[str, float], where: dict[str, str]
 ) -> StatedRotor:
+    """Rotor of one table of the platform, with the platform's coefficients."""
     turn, four = table.numbers("spin_direction"), table.numbers("orientation")
     # the field is a list of one number in their files
     if turn not in ((1.0,), (-1.0,)):

@@ -76,7 +76,8 @@ TRAIL = 4.0
 """Duration (s) of the tip's trail."""
 
 SLOW = 6
-"""Frames between two drawings of slowly moving parts: ghost, trails, labels."""
+"""Frames between two drawings of slowly moving parts: ghost, trails, labels; at 60
+frames a second they are drawn as often as plots."""
 
 FRUSTUM, THIN = 0.12, 0.003
 """Size and line width (m) of the frustum of a camera."""
