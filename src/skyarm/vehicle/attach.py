@@ -614,11 +614,15 @@ class BodyTree:
         self.parts.append([])
         return at_origin(len(self.links) - 1)
 
-    def add_body(self, link: int, body: Body) -> None:
-        """Add a mass, expressed in the axes of a link or the base, to that link or
-        base.
+    def add_body(self, seat: Frame, body: Body) -> None:
+        """Add a mass, in the axes of a frame, to the link or base that carries it; a
+        frame without a name is the link's own.
         """
-        self.parts[link + 1].append(body)
+        self.parts[seat.link + 1].append(
+            # a body in its link's own axes is not transformed, which keeps its numbers
+            # exact
+            body.transform(seat.rotation, seat.position) if seat.name else body
+        )
 
     def bodies(self, name: str, root: str, coupled: bool) -> RigidBodies:
         """Completed tree of bodies; ``coupled`` keeps mimic joints as moving

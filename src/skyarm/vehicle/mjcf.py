@@ -441,7 +441,8 @@ def _read_body(tree: _MujocoTree, body: int) -> None:
         R = description.rotation(at.rotation @ _rotation(model.body_iquat[body]))
         com = at.position + at.rotation.apply(description.vector(model.body_ipos[body]))
         moments = Sym3.from_numbers(*model.body_inertia[body].tolist())
-        tree.add_body(at.link, Body(mass=mass, com=com, inertia=moments.rotate(R)))
+        weight = Body(mass=mass, com=com, inertia=moments.rotate(R))
+        tree.add_body(at_origin(at.link), weight)
     # geoms of the world are its floor and walls
     touching = (model.geom_contype | model.geom_conaffinity).astype(bool)
     link = name_of(model, "body", body)

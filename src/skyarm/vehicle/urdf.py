@@ -204,12 +204,7 @@ def _bodies(
             tree.frames.append(seats[name])
     for name, seat in seats.items():
         for body in _inertial(file.links[name]):
-            tree.add_body(
-                seat.link,
-                # a body at its link's own frame is not transformed, which keeps its
-                # numbers exact
-                body.transform(seat.rotation, seat.position) if seat.name else body,
-            )
+            tree.add_body(seat, body)
         tree.looks += [
             moved_into(seat, look) for look in looks_of(file.links[name], path, notes)
         ]

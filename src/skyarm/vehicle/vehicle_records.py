@@ -632,7 +632,8 @@ def _require_whole(value: Vehicle) -> None:
     unique("links.name", [link.name for link in value.moving])
     unique("joints.name", [link.joint.name for link in value.moving])
     unique("rotors.name", [each.name for each in value.rotors])
-    unique("frames.name", [each.name for each in value.frames])
+    frames = [each.name for each in value.frames]
+    unique("frames.name", frames)
     for index, link in enumerate(value.links):
         # index order is the order of all recursions from the base to the tips
         if not -1 <= link.parent < index:
@@ -666,16 +667,12 @@ def _require_whole(value: Vehicle) -> None:
                 frame.link,
                 f"must be -1 (base) ... {len(value.moving) - 1}",
             )
-    if value.end_effector and value.end_effector not in [
-        each.name for each in value.frames
-    ]:
-        allowed = must_be_one_of(
-            [each.name for each in value.frames], value.end_effector
-        )
+    if value.end_effector and value.end_effector not in frames:
+        allowed = must_be_one_of(frames, value.end_effector)
         refuse(
             "end_effector",
             value.end_effector,
-            f"{allowed}{'' if value.frames else '; [[frames]] makes one'}",
+            f"{allowed}{'' if frames else '; [[frames]] makes one'}",
         )
     _require_drives(value)
     # last, because its mass matrix needs a tree that is otherwise sound
@@ -721,8 +718,9 @@ def _require_drives(value: Vehicle) -> None:
     at most one drive per joint.
     """
     joints = value.joint_names
-    for name in (each.name for each in value.drives):
-        if name not in joints or [each.name for each in value.drives].count(name) > 1:
+    names = [each.name for each in value.drives]
+    for name in names:
+        if name not in joints or names.count(name) > 1:
             refuse(
                 "drives",
                 name,
