@@ -181,6 +181,7 @@ def bodies_of(vehicle: Vehicle) -> RigidBodies:
 
 
 def _with_prefix(arm: RigidBodies, prefix: str) -> RigidBodies:
+    """Arm whose links, joints and frames have a prefix before their names."""
     if not prefix:
         return arm
 
@@ -577,6 +578,7 @@ class Notes:
 
 
 def _line(kind: str, text: str, names: list[str]) -> str:
+    """Text of one note, with the first few names of its elements."""
     if not names:
         return printable(text)
     listed = ", ".join(names[:SHOWN]) + (
@@ -612,11 +614,15 @@ class BodyTree:
         self.parts.append([])
         return at_origin(len(self.links) - 1)
 
-    def add_body(self, link: int, body: Body) -> None:
-        """Add a mass, expressed in the axes of a link or the base, to that link or
-        base.
+    def add_body(self, seat: Frame, body: Body) -> None:
+        """Add a mass, in the axes of a frame, to the link or base that carries it; a
+        frame without a name is the link's own.
         """
-        self.parts[link + 1].append(body)
+        self.parts[seat.link + 1].append(
+            # a body in its link's own axes is not transformed, which keeps its numbers
+            # exact
+            body.transform(seat.rotation, seat.position) if seat.name else body
+        )
 
     def bodies(self, name: str, root: str, coupled: bool) -> RigidBodies:
         """Completed tree of bodies; ``coupled`` keeps mimic joints as moving

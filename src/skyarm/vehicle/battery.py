@@ -32,7 +32,8 @@ NO_RESISTANCE, NO_POWER = 1e-12, 1e-12
 """Least resistance (ohm) and power (W) in a denominator."""
 
 LEAST = 1e-3
-"""Least voltage of an overloaded pack, as a fraction of the voltage without a load."""
+"""Least voltage of an overloaded pack, as a fraction of the voltage without a load: at
+zero its iteration would stay for ever."""
 
 HOUR = 3600.0
 """Seconds of an hour."""

@@ -51,12 +51,9 @@ def accept_named(record: Any, kind: str) -> None:
     Raises:
         VehicleError: one line with field, value and what is allowed.
     """
-    # a follower's link may be of a wrong type, which is refused below
-    name = (
-        record.link.name
-        if kind == "follower" and hasattr(record.link, "name")
-        else getattr(record, "name", "")
-    )
+    # a follower has the name of its link, and none if that is of a wrong type, which
+    # is refused below
+    name = getattr(record, "name", "")
     accept_fields(
         record,
         f"{kind}s[{name}]" if isinstance(name, str) and name else kind,

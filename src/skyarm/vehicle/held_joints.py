@@ -37,9 +37,9 @@ def hold_joints(bodies: RigidBodies, values: Mapping[str, float]) -> RigidBodies
             held.setdefault(name, leader.ratio * values[leader.joint] + leader.offset)
     tree = BodyTree({}, Notes())
     seats = {BASE: at_origin()}
-    tree.add_body(BASE, bodies.base)
+    tree.add_body(seats[BASE], bodies.base)
     for index, link in enumerate(bodies.links):
-        joint, body = link.joint, link.body
+        joint = link.joint
         at = posed_in(seats[link.parent], joint.rotation, joint.position)
         # the held link's mass joins the nearest body that still moves
         if joint.name in held:
@@ -47,14 +47,13 @@ def hold_joints(bodies: RigidBodies, values: Mapping[str, float]) -> RigidBodies
                 at, *held_pose(joint.kind, joint.axis, held[joint.name]), link.name
             )
             tree.frames.append(seat)
-            body = body.transform(seat.rotation, seat.position)
         else:
             seat = tree.add_link(
                 link.name,
                 at.link,
                 replace(joint, position=at.position, rotation=at.rotation),
             )
-        tree.add_body(seat.link, body)
+        tree.add_body(seat, link.body)
         seats[index] = seat
     made = tree.bodies(bodies.name, bodies.root, coupled=False)
     return replace(

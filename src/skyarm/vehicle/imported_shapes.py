@@ -30,7 +30,7 @@ MOST_VERTICES = 32
 with it."""
 
 MOST_CORNERS = 256
-"""Largest number of corners of a hull that a file may state."""
+"""Largest number of corners of a hull that a file may state, for the same reason."""
 
 SHORTEST = 1e-6
 """Least length (m) of a capsule that is fitted, for a length must not be zero."""
@@ -112,14 +112,14 @@ def import_shapes(bodies: RigidBodies, how: str, notes: Notes) -> list[Collision
         ValueError: one line: a shape of the file that cannot be.
     """
     stated = [each for each in bodies.looks if isinstance(each, FileShape)]
-    if stated and how == "none":
-        cure = "import_collisions = 'file' takes them"
-        notes.add(f"{len(stated)} shapes of its file touch nothing; {cure}")
-    if not stated and how != "none":
+    if how == "none":
+        if stated:
+            cure = "import_collisions = 'file' takes them"
+            notes.add(f"{len(stated)} shapes of its file touch nothing; {cure}")
+        return []
+    if not stated:
         why = "takes none: no other file states a shape that touches"
         notes.add(f"import_collisions = {how!r} {why}")
-    if how == "none":
-        return []
     of_rotors = {each.link for each in bodies.rotors} - {bodies.root}
     shapes = list[Collision]()
     for each in stated:

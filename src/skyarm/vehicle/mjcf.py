@@ -370,16 +370,13 @@ def _read_child(tree: _MujocoTree, body: int) -> None:
     name = name_of(tree.model, "body", body)
     carrier = tree.seats[model.body_parentid[body]]
     at = posed_in(carrier, *_pose_of(model, "body", body))
-    balls = [
-        joint for joint in joints_of(model, body) if kind_of(model, joint) == "ball"
-    ]
+    joints = joints_of(model, body)
+    balls = [joint for joint in joints if kind_of(model, joint) == "ball"]
     tree.balls |= {name_of(model, "jnt", joint) for joint in balls}
     moving = [
-        joint
-        for joint in joints_of(model, body)
-        if joint not in balls and not _is_fixed(tree, joint)
+        joint for joint in joints if joint not in balls and not _is_fixed(tree, joint)
     ]
-    for joint in joints_of(model, body):
+    for joint in joints:
         anchor = description.vector(model.jnt_pos[joint])
         at = posed_in(at, Mat3.identity(), anchor)
         if joint in moving:
@@ -441,7 +438,8 @@ def _read_body(tree: _MujocoTree, body: int) -> None:
         R = description.rotation(at.rotation @ _rotation(model.body_iquat[body]))
         com = at.position + at.rotation.apply(description.vector(model.body_ipos[body]))
         moments = Sym3.from_numbers(*model.body_inertia[body].tolist())
-        tree.add_body(at.link, Body(mass=mass, com=com, inertia=moments.rotate(R)))
+        weight = Body(mass=mass, com=com, inertia=moments.rotate(R))
+        tree.add_body(at_origin(at.link), weight)
     # geoms of the world are its floor and walls
     touching = (model.geom_contype | model.geom_conaffinity).astype(bool)
     link = name_of(model, "body", body)

@@ -125,6 +125,12 @@ def bare_multirotor(name: str, rotors: int, arm_length: float, mass: float) -> s
 def _text(
     file: str, vehicle: Vehicle, bodies: RigidBodies | None, tip: str, collisions: str
 ) -> tuple[str, bool]:
+    """Text of a vehicle file, and whether the vehicle is whole.
+
+    A vehicle without gaps is written whole. One with gaps is written with any values in
+    their place, whose lines then become comments; if joints of another file carry its
+    rotors, the text refers to that file.
+    """
     path = robot_file(file) if is_robot(file) else Path(file)
     if tip:
         frames = {

@@ -67,6 +67,7 @@ def sdf_text(vehicle: Vehicle) -> str:
 
 
 def _robot(form: str, vehicle: Vehicle) -> str:
+    """Text of a vehicle in a robot format, ``form`` being urdf or sdf."""
     pieces = _pieces(vehicle, one_space=form == "sdf")
     first = 1 + len(vehicle.moving)
     return render_vehicle(

@@ -35,6 +35,7 @@ from skyarm.vehicle.vehicle_records import Rolling, Rotor
 COEFFICIENTS = ("thrust_coefficient", "moment_coefficient")
 
 SENSES = {"ccw": 1, "cw": -1}
+"""Word of a vehicle file -> direction of a rotor, seen against its thrust."""
 
 
 def coefficients_of(table: ThrustTable) -> tuple[str, ...]:
@@ -348,7 +349,9 @@ def _gaps(
     bodies: RigidBodies, rotors: Mapping[str, StatedRotor], values: Mapping[str, Values]
 ) -> Iterator[str]:
     """Lines on what the rotors of a file lack: the rotors, the missing fields and where
-    to state them; those that ride on joints stand last.
+    to state them.
+
+    Rotors that ride on joints stand last.
     """
     below = {
         name: _joints_below(bodies, name, values[name].get("link", rotor.link))
@@ -451,7 +454,6 @@ def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
     values = whole_values(values)
     link = values.pop("link", None)
     seat = place_in(bodies, link or origin.link, f"{where}.link")
-    # what the vehicle file states itself
     # a place from the vehicle file counts from the base, one of the robot's file from
     # its link
     of_base = place_in(bodies, link or "base", f"{where}.link")

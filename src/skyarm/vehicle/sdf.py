@@ -48,7 +48,7 @@ FOLDERS = (
 
 DEEPEST = 100
 """Largest number of models in one vehicle, and of frames between a frame and the
-vehicle's."""
+vehicle's: files that include themselves and poses in a ring end in an error there."""
 
 OF_PLUGINS = ("linkName", "jointName", "link_name")
 """Elements anywhere in a plugin that name a link or joint of its model."""
@@ -456,12 +456,13 @@ class _Tree:
         if stated := _inner(axis, "xyz").get("expressed_in"):
             return scope.whole(stated)
         # up to SDF 1.4 axes were stated in the model's frame without a word
-        in_model = scope.version < 5 or text_of(axis, "use_parent_model_frame") in TRUE
-        if in_model and scope.version >= 7:
+        if scope.version < 5 or text_of(axis, "use_parent_model_frame") in TRUE:
+            if scope.version < 7:
+                return scope.frame
             self.notes.add(
                 "use_parent_model_frame is no word of SDF 1.7 and later; not read", name
             )
-        return scope.frame if in_model and scope.version < 7 else f"joint {name}"
+        return f"joint {name}"
 
 
 def _inner(element: ET.Element, path: str) -> ET.Element:

@@ -109,7 +109,7 @@ WANTED = 2500.0
 
 SOFTER = 1.5
 """Factor by which the speed that smooths Coulomb friction grows from one trial to the
-next."""
+next: the last trial bends it by no more than half too much."""
 
 
 NOTE = (

@@ -77,6 +77,7 @@ class ThrustTable:
             )
 
     def _check(self, name: str, column: Sequence[Scalar]) -> None:
+        """Check the length of a column of the table, that it rises, and its begin."""
         if name in ("speed", "thrust") and len(column) < 2:
             refuse(f"thrust_table.{name}", column, "must be at least two numbers")
         if column and len(column) != len(self.speed):

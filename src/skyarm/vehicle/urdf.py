@@ -204,12 +204,7 @@ def _bodies(
             tree.frames.append(seats[name])
     for name, seat in seats.items():
         for body in _inertial(file.links[name]):
-            tree.add_body(
-                seat.link,
-                # a body at its link's own frame is not transformed, which keeps its
-                # numbers exact
-                body.transform(seat.rotation, seat.position) if seat.name else body,
-            )
+            tree.add_body(seat, body)
         tree.looks += [
             moved_into(seat, look) for look in looks_of(file.links[name], path, notes)
         ]
@@ -289,6 +284,7 @@ def _constant_value(
 
 
 def _read_elements(robot: ET.Element) -> _File:
+    """Links, joints and mimic joints of a robot; a missing link world is added."""
     links, joints = _by_name(robot, "link"), _by_name(robot, "joint")
     if "world" not in links and any(
         joint.find("parent[@link='world']") is not None for joint in joints.values()
@@ -299,6 +295,7 @@ def _read_elements(robot: ET.Element) -> _File:
 
 
 def _by_name(robot: ET.Element, tag: str) -> dict[str, ET.Element]:
+    """Links or joints of a robot by name, which must be there and unique."""
     elements: dict[str, ET.Element] = {}
     for element in robot.findall(tag):
         name = element.get("name", "")
@@ -333,6 +330,7 @@ def _joints_above(
 
 
 def _end(joint: ET.Element, tag: str, links: Mapping[str, ET.Element]) -> str:
+    """Name of the parent or child link of a joint (``tag``), which must exist."""
     element = child(joint, tag, f"joint[{joint.get('name')}]")
     name = element.get("link", "") if element is not None else ""
     if name not in links:
@@ -384,11 +382,15 @@ def kind_of_joint(joint: ET.Element) -> str:
 
 def limits(joint: ET.Element) -> tuple[float, float]:
     """Lower and upper limit of a joint, rad or m; infinite where the file states none,
-    or Gazebo's number for none.
+    zero of a fixed joint.
+
+    Gazebo's number for none is none, too.
 
     By the specification a limit that is not stated is 0. That is taken where the other
     one leaves the joint room to move; elsewhere it has been forgotten.
     """
+    if kind_of_joint(joint) == "fixed":
+        return 0.0, 0.0
     field = f"joint[{joint.get('name')}]"
     limit = child(joint, "limit", field)
     if joint.get("type") == "continuous" or limit is None:
@@ -416,8 +418,6 @@ def fixed_at(joint: ET.Element) -> float | None:
     """Constant value of a fixed joint or one with equal limits, rad or m; None if it
     can move.
     """
-    if kind_of_joint(joint) == "fixed":
-        return 0.0
     # limits that are left out are never equal: limits() leaves the joint room there
     lower, upper = limits(joint)
     return lower if lower == upper else None
@@ -522,9 +522,7 @@ def resting(follows: Mimic, joints: Mapping[str, ET.Element]) -> float:
     """
     if follows.joint not in joints:
         return follows.at_rest()
-    leader = joints[follows.joint]
-    fixed = fixed_at(leader)
-    return follows.at_rest(*(limits(leader) if fixed is None else (fixed, fixed)))
+    return follows.at_rest(*limits(joints[follows.joint]))
 
 
 PACKAGES, FILE = ("package://", "model://"), "file://"
@@ -548,6 +546,7 @@ def mesh_file(address: str, urdf: Path) -> Path | None:
 
 
 def _candidates(address: str, urdf: Path) -> list[Path]:
+    """Paths at which the file of a mesh address may lie, the likeliest first."""
     folder = urdf.resolve().parent
     if address.startswith(FILE):
         return [Path(address.removeprefix(FILE))]

@@ -128,6 +128,7 @@ class Rotor:
     thrust_coefficient: Annotated[
         Scalar, positive("N s^2/rad^2", "k_f: thrust per squared speed", rule=number)
     ]
+    # half a metre of drag torque per thrust is the drag of no propeller
     moment_coefficient: Annotated[
         Scalar, Unit("m", "k_m: drag torque per thrust", usual=0.5, **SHARE)
     ]
@@ -147,6 +148,7 @@ class Rotor:
             **SHARE,
         ),
     ] = 0
+    # the usual lags are those of RotorS (urdf/hummingbird.xacro)
     time_constant_up: Annotated[
         Scalar,
         positive(
@@ -202,7 +204,6 @@ class Rotor:
         accept_named(self, "rotor")
 
     @property
-    # a moment coefficient of half a metre is the drag of no propeller
     def min_speed(self) -> Scalar:
         """Least speed, rad/s: 0, or that of a reversible rotor which turns
         backwards.
@@ -456,11 +457,7 @@ class Vehicle:
     @property
     def moving(self) -> tuple[Link, ...]:
         """All links that joints move: the independent links, then the followers."""
-        return (
-            (*self.links, *(each.link for each in self.followers))
-            if self.followers
-            else self.links
-        )
+        return (*self.links, *(each.link for each in self.followers))
 
     @property
     def with_free_followers(self) -> Vehicle:
@@ -635,7 +632,8 @@ def _require_whole(value: Vehicle) -> None:
     unique("links.name", [link.name for link in value.moving])
     unique("joints.name", [link.joint.name for link in value.moving])
     unique("rotors.name", [each.name for each in value.rotors])
-    unique("frames.name", [each.name for each in value.frames])
+    frames = [each.name for each in value.frames]
+    unique("frames.name", frames)
     for index, link in enumerate(value.links):
         # index order is the order of all recursions from the base to the tips
         if not -1 <= link.parent < index:
@@ -669,16 +667,12 @@ def _require_whole(value: Vehicle) -> None:
                 frame.link,
                 f"must be -1 (base) ... {len(value.moving) - 1}",
             )
-    if value.end_effector and value.end_effector not in [
-        each.name for each in value.frames
-    ]:
-        allowed = must_be_one_of(
-            [each.name for each in value.frames], value.end_effector
-        )
+    if value.end_effector and value.end_effector not in frames:
+        allowed = must_be_one_of(frames, value.end_effector)
         refuse(
             "end_effector",
             value.end_effector,
-            f"{allowed}{'' if value.frames else '; [[frames]] makes one'}",
+            f"{allowed}{'' if frames else '; [[frames]] makes one'}",
         )
     _require_drives(value)
     # last, because its mass matrix needs a tree that is otherwise sound
@@ -724,8 +718,9 @@ def _require_drives(value: Vehicle) -> None:
     at most one drive per joint.
     """
     joints = value.joint_names
-    for name in (each.name for each in value.drives):
-        if name not in joints or [each.name for each in value.drives].count(name) > 1:
+    names = [each.name for each in value.drives]
+    for name in names:
+        if name not in joints or names.count(name) > 1:
             refuse(
                 "drives",
                 name,

@@ -348,6 +348,7 @@ def _arguments(fields: Fields, file: str) -> dict[str, str]:
 
 
 def _own_bodies(top: Fields) -> RigidBodies:
+    """Read base and links that a vehicle file states itself, parents first."""
     tables = {fields.text("name"): fields for fields in _named_tables(top, "links")}
     if "base" in tables:
         refuse("links.name", "base", "is the airframe's name")
@@ -406,6 +407,7 @@ def _body(fields: Fields, read_elsewhere: Sequence[str]) -> Body:
 
 
 def _piece(fields: Fields) -> Body:
+    """Read the mass distribution of a base, a link or one of its parts."""
     mass = numbers_from(Body, fields)
     planar = fields.flag("planar", False)
     com = fields.vector("com", (0.0, 0.0, 0.0))
@@ -423,6 +425,7 @@ def _piece(fields: Fields) -> Body:
 
 
 def _joint(fields: Fields) -> Joint:
+    """Read the joint of a link, without its mimic relation."""
     axis = description.unit_axis(fields.at("axis"), fields.vector("axis"))
     R, p = _pose(fields)
     kind = fields.choice("kind", ("revolute", "prismatic"), "revolute")
@@ -580,7 +583,6 @@ def _override_joints(
         for link in bodies.links
         if link.joint.name not in own
     }
-    # ball joints
     # a ball joint is no joint here and may only be held, at rest
     only_held = {
         name: (0.0, 0.0) for joints in bodies.faults.values() for name in joints

@@ -169,6 +169,7 @@ PLACED = ("name", "position", "direction")
 
 
 def _rotor(rotor: Rotor) -> Table:
+    """Table of a rotor for a vehicle file."""
     # without max_speed a thrust table's last speed would be it
     entries = _record(
         rotor,
@@ -241,6 +242,7 @@ def _with_orientation(table: Table, rotation: Mat3) -> Table:
 
 
 def _drive(drive: MountedDrive) -> Table:
+    """Table of a joint's drive for a vehicle file, with its registered kind."""
     kind = name_of("drive", type(drive.drive))
     if kind is None:
         raise VehicleError(

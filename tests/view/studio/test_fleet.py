@@ -14,8 +14,11 @@ import pytest
 import skyarm
 from skyarm.records.files import read_toml
 from skyarm.records.path_names import agent_of
+from skyarm.reference.planned_motion import PlannedBody
+from skyarm.reference.signals import Constant
 from skyarm.scenario.payload_tables import scheduled_changes
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
+from skyarm.simulate.first_state import first_loop_state
 from skyarm.view.picture.frames import scenes_at
 from skyarm.view.studio.clock import Clock
 from skyarm.view.studio.fleet import (
@@ -26,6 +29,7 @@ from skyarm.view.studio.fleet import (
     pushes_of,
 )
 from skyarm.view.studio.knobs import knobs_of
+from skyarm.view.studio.sights import sights
 from skyarm.world import TimedPayload
 from skyarm.world.scene.scene import Scene
 from support.cases import sampled, toml_text
@@ -266,6 +270,22 @@ def test_plots_keep_what_was_seen(fleet: Fleet) -> None:
     seen = agent.recent(1.0)[5]
     wanted = np.linalg.norm(log.tool[seen.tick] - log.tool_reference[seen.tick])
     assert seen.error == pytest.approx(wanted, abs=1e-12)
+
+
+def test_the_tip_of_a_plan_is_where_its_error_counts_from() -> None:
+    one = skyarm.load_scenario("case1")
+    place = (1.0, 2.0, 3.0)
+    planned = PlannedBody(
+        center=tuple(map(Constant, (0.0, 0.0, 0.0))), tip=tuple(map(Constant, place))
+    )
+    reference = dataclasses.replace(one.agent.reference, planned=planned)
+    agent = dataclasses.replace(one.agent, reference=reference)
+    moved = dataclasses.replace(one, agents={"vehicle": agent})
+    start: Any = SimpleNamespace(
+        scenario=moved, now=first_loop_state(moved), time=0.0, tick=0
+    )
+    (seen,) = sights(start)
+    assert seen.error == pytest.approx(np.linalg.norm(seen.tip - place), rel=1e-12)
 
 
 def test_the_end_of_the_longest_flight_stops_the_clock(fleet: Fleet) -> None:

@@ -31,9 +31,9 @@ WORDS = {
 
 
 def eagle_mpc_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
-    # a file of another suffix is not opened, because YAML takes almost any text
     """Rotors of the ``platform`` of a YAML file, in their order."""
     name = file.path.name
+    # a file of another suffix is not opened, because YAML takes almost any text
     if file.path.suffix not in (".yaml", ".yml"):
         return ()
     try:
@@ -86,6 +86,7 @@ def eagle_mpc_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
 def _rotor(
     table: Fields, name: str, link: str, values: dict[str, float], where: dict[str, str]
 ) -> StatedRotor:
+    """Rotor of one table of the platform, with the platform's coefficients."""
     turn, four = table.numbers("spin_direction"), table.numbers("orientation")
     # the field is a list of one number in their files
     if turn not in ((1.0,), (-1.0,)):

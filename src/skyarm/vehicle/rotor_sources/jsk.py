@@ -31,6 +31,7 @@ def jsk_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
 
 
 def _rotor(joint: ET.Element, link: str, root: ET.Element) -> StatedRotor:
+    """Rotor of a continuous joint and the thrust link that it moves."""
     name = joint.get("name", "")
     rate = root.find("m_f_rate[@value]")
     # a limit of zero is one that the file leaves out

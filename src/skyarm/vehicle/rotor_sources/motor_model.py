@@ -170,6 +170,7 @@ def _number_of_motor(plugin: ET.Element) -> float:
 
 
 def _rotor(plugin: ET.Element, joints: Sequence[str]) -> StatedRotor:
+    """Rotor of one motor-model plugin, with its defaults for words left out."""
     field = _field(plugin)
     name = text_of(plugin, "linkName")
     where = {}

@@ -76,6 +76,7 @@ def _custom_text(model: Any) -> str:
 
 
 def _rotor(name: str, values: dict[str, Any], joint: str) -> StatedRotor:
+    """Rotor of a table in skyarm's own element."""
     position, axis = values.pop("position"), values.pop("axis", UP)
     # a file that states no largest speed means none, and that is no gap
     values.setdefault("max_speed", math.inf)

@@ -128,6 +128,7 @@ def laws_figure(
 
 
 def _draw_errors(ax: Axes, errors: Mapping[str, Sequence[float | None]]) -> None:
+    """Draw the errors of all laws: a dot per law and series, on a logarithmic axis."""
     for i, ((name, series), (marker, color)) in enumerate(
         zip(errors.items(), MARKERS, strict=False)
     ):
@@ -224,6 +225,9 @@ def _line_styles(laws: Sequence[str]) -> dict[str, Style]:
 def _draw_panel(
     panel: Axes, name: str, axis: EnvelopePanel, looks: Mapping[str, Style], low: float
 ) -> None:
+    """Draw the error curves of all laws in one panel, with a band above for lost
+    vehicles.
+    """
     places = range(len(axis["values"]))
     panel.axhspan(HIGH, TOP, facecolor="#f6dcdc", edgecolor="none", zorder=0.2)
     for k, (law, look) in enumerate(looks.items()):

@@ -26,10 +26,12 @@ SMALLEST, LARGEST = 1e-5, 1e2
 so that none stretches the axis."""
 
 RATIO_OF_LOGARITHM = 30.0
-"""Ratio of the median errors of two flights above which the axis is logarithmic."""
+"""Ratio of the median errors of two flights above which the axis is logarithmic: at
+720 lines a linear axis of 119 pixels would leave the lower one 4 pixels."""
 
 POINTS = 1500
-"""Number of points of a curve; each is the largest error of its interval."""
+"""Number of points of a curve, more than the usual film has columns for it; each is the
+largest error of its interval."""
 
 
 @positional

@@ -125,6 +125,7 @@ def _joints(logs: Logs) -> Iterator[tuple[int, str, str, list[Joint]]]:
 
 
 def _vehicles(logs: Logs) -> list[Vehicle]:
+    """Vehicles of the flights whose logs hold their scenario."""
     return [
         scenario.agent.vehicle
         for log in logs
@@ -137,6 +138,7 @@ def _finite(values: Iterable[SupportsFloat]) -> tuple[float, ...]:
 
 
 def _tracking(logs: Logs) -> Panels:
+    """Make panels of base position and joints, each with its reference and limits."""
     return by_axis("Base", "position", "position_reference") + [
         Panel(
             label=label,
@@ -268,6 +270,7 @@ def _pair_force(array: str, *pair: str) -> Read:
 
 
 def _attitude(logs: Logs) -> Panels:
+    """Make panels of roll, pitch and yaw, deg; yaw with its reference."""
     angle = math.degrees(1.0)
     return [
         Panel(label="Roll", unit="deg", of=column("euler", 0, factor=angle), span=1.0),
@@ -333,6 +336,7 @@ def _command(i: int, setpoint: str | None) -> Read:
 
 
 def _rotors(logs: Logs) -> Panels:
+    """Make a panel for each rotor's speed, with its largest one as limit."""
     names = names_of(max(logs, key=lambda log: log.rotor_speeds.shape[1])).rotors
     turning = [vehicle.rotors for vehicle in _vehicles(logs)]
     return [

@@ -244,7 +244,8 @@ def _draw_solid(ax: Axes, view: Projection, solid: Solid) -> None:
 
 
 MOST = 12
-"""Largest number of flights in a picture; more are not distinguishable."""
+"""Largest number of flights in a picture: each of six colours has two dashes, and more
+are not distinguishable."""
 
 NEAR = 0.35
 """Fraction of a limit that a curve must reach for the limit to be drawn."""

@@ -241,7 +241,7 @@ def error_words(error: float) -> str:
 def _end_time(times: Array) -> float:
     """Time at which a film's last frame ends, s."""
     return (
-        float(times[-1] + (times[-1] - times[0]) / max(len(times) - 1, 1))
+        float(times[-1] + (times[-1] - times[0]) / (len(times) - 1))
         # one frame has no length of its own
         if len(times) > 1
         else times[0] + 1.0

@@ -46,8 +46,8 @@ LOOKS = 300
 and for a fixed camera."""
 
 FARTHEST = 1e6
-"""Largest value of a drawable state; otherwise the vehicle is drawn at its last
-drawable one."""
+"""Largest value of a drawable state, at which the renderer's floats of 32 bits are 6 cm
+apart; otherwise the vehicle is drawn at its last drawable one."""
 
 
 def picture_settings(given: Mapping[str, Any]) -> FilmSettings:
@@ -112,6 +112,7 @@ class EpisodePictures:
         self._open.close()
 
     def _panel(self, now: LoopState) -> FramePanel:
+        """Make the panel of a simulation state: camera, solids, lines and arrows."""
         settings = self._settings
         scenario = self._scenario
         time = float(now.ticks) / scenario.rates.control

@@ -56,6 +56,9 @@ def insets_of(
 
 
 def _latest(frames: Iterator[Any], times: Array) -> Iterator[Any]:
+    """Yield at each time (s) the last picture that was taken by then, at first the
+    first.
+    """
     latest = coming = next(frames)
     for time in times:
         while coming is not None and coming.time <= time:

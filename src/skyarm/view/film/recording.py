@@ -62,7 +62,8 @@ SUFFIXES = ("viser", "html")
 """Suffixes of recordings."""
 
 WORDS_PER_SECOND = 2.0
-"""Update rate (Hz) of the numbers next to a vehicle."""
+"""Update rate (Hz) of the numbers next to a vehicle; each change is one more message in
+the file."""
 
 ASPECT = 1.0
 """Aspect ratio of the window for which the camera is placed; a phone's is narrower, a
@@ -277,6 +278,7 @@ class _RecordedFlight:
         self._lines.place(flight.scene.lines, k)
 
     def _text(self, k: int) -> str:
+        """Words next to a vehicle at frame k: its label, state and wind."""
         flight = self._flight
         time = float(flight.times[k])
         wind = wind_words(flight, k) if time < flight.end else ""

@@ -201,8 +201,8 @@ def goal_of(agent: Agent, time: float) -> Placed:
 
 
 def tip_error(agent: Agent, time: Scalar, tip: Array, desired: Array) -> Array:
-    """Offset (..., 3) of the tip from its reference, m; during a commanded push only
-    its part across the nominal normal of the surface.
+    """Offset (..., 3) of the tip from its reference, m; during a push only across the
+    surface's nominal normal.
 
     Args:
         agent: vehicle with its reference.

@@ -64,6 +64,8 @@ WORLD = f"""
 of the camera's target."""
 
 MOST_GEOMS = 4000
+"""Largest number of geoms in a panel; six flights have up to 2880 pieces of trails and
+desired paths."""
 
 NO_SHADOW = mujoco.mjtCatBit.mjCAT_DECOR.value
 """Category of geometries without a shadow: the ground, whose own would be a dotted rim,
@@ -289,6 +291,7 @@ def open_stage(
 
 
 def _camera(path: CameraPath, k: int) -> mujoco.MjvCamera:
+    """MuJoCo's free camera at frame k of a camera path."""
     camera = mujoco.MjvCamera()
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
     camera.lookat = path.look_at[k]

@@ -156,6 +156,7 @@ def _display(egl: ctypes.CDLL) -> tuple[int, int]:
 
 
 def _devices(egl: ctypes.CDLL) -> list[int]:
+    """List the EGL devices of this machine."""
     devices = (_Pointer * MOST_DEVICES)()
     count = ctypes.c_int()
     query = _extension(

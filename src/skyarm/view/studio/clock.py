@@ -11,6 +11,7 @@ LONGEST_STRETCH = 0.25
 from where it was."""
 
 SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0)
+"""Speeds of playback, times real time, that the page offers."""
 
 
 class Clock(ABC):

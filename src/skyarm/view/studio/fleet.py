@@ -79,17 +79,12 @@ def _adjustable(agent: Agent, kind: str) -> Agent:
     """Add inactive actuator faults and, where the plant's kind of simulator varies it,
     the delay to a vehicle.
     """
-    named = {fault.name for fault in agent.faults}
     vehicle = agent.vehicle
     faults = [Fault(rotor=rotor.name) for rotor in vehicle.rotors]
     faults += [Fault(joint=joint.name) for joint in vehicle.joints]
     # a slider has the path of its fault: a name that two share would be ambiguous
-    names = [fault.name for fault in faults]
-    faults = [
-        fault
-        for fault in faults
-        if fault.name not in named and names.count(fault.name) == 1
-    ]
+    names = [fault.name for fault in (*agent.faults, *faults)]
+    faults = [fault for fault in faults if names.count(fault.name) == 1]
     delays = agent.delays
     if (
         kind == "rigid_body"

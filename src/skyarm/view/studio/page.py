@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 
 NO_LAW = "none"
 NO_CASE = "choose"
+"""Words of the menus for no flight and for no other scenario."""
+
 DIRECTIONS = {
     "+x": (1, 0, 0),
     "-x": (-1, 0, 0),
@@ -230,6 +232,7 @@ class Page(PageLoop):
         self.fleet.close()
 
     def _handle_inputs(self) -> None:
+        """Execute the queued inputs, then the last move of each slider."""
         super()._handle_inputs()
         moves = self._moves
         self._moves = {}
@@ -261,6 +264,7 @@ class Page(PageLoop):
         self._worker.submit(self._compile_flight, fleet, law, place)
 
     def _compile_flight(self, fleet: Fleet, law: str | None, place: int) -> None:
+        """Make a flight in the background thread; its end, or its error, is queued."""
         try:
             flight: Flight | None = fleet.make_flight(law)
             words = ""
@@ -273,6 +277,7 @@ class Page(PageLoop):
     def _join(
         self, fleet: Fleet, flight: Flight | None, place: int, words: str
     ) -> None:
+        """Add a compiled flight, unless the scenario was changed meanwhile."""
         self._making -= 1
         self._say(words)
         if flight is not None and fleet is self.fleet:
@@ -327,6 +332,9 @@ class Page(PageLoop):
         opened: str,
         title: str = "",
     ) -> None:
+        """Add a panel of sliders to a tab, for one flight by its place or for all
+        (None).
+        """
         with tab:
             panel = KnobPanel(
                 self._server.gui, knobs, partial(self.move, place), opened, title

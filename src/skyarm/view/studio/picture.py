@@ -76,7 +76,8 @@ TRAIL = 4.0
 """Duration (s) of the tip's trail."""
 
 SLOW = 6
-"""Frames between two drawings of slowly moving parts: ghost, trails, labels."""
+"""Frames between two drawings of slowly moving parts: ghost, trails, labels; at 60
+frames a second they are drawn as often as plots."""
 
 FRUSTUM, THIN = 0.12, 0.003
 """Size and line width (m) of the frustum of a camera."""
@@ -357,15 +358,13 @@ class FleetPicture(StudioStage):
         now = first_loop_state(scenario)
         vehicles = scenario.vehicles
         placed = [
-            poses_of(*each)
-            for each in zip(
-                vehicles.values(), [own.state for own in now.agents], strict=True
-            )
+            poses_of(vehicle, own.state)
+            for vehicle, own in zip(vehicles.values(), now.agents, strict=True)
         ]
-        bases, tips = map(
-            np.array, ([p.positions[0] for p in placed], [p.tip for p in placed])
-        )
-        self._origin, self._around = bases.mean(axis=0), tips.mean(axis=0)
+        bases = np.array([each.positions[0] for each in placed])
+        tips = np.array([each.tip for each in placed])
+        self._origin = bases.mean(axis=0)
+        self._around = tips.mean(axis=0)
         self._follow(self._origin)
         scenes = scenes_at(scenario, now, 0.0, self._around)
         ends = [f"_{name}" if len(vehicles) > 1 else "" for name in vehicles]

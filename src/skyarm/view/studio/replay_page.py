@@ -162,6 +162,7 @@ class ReplayPage(PageLoop):
         self._orders.put(lambda: work(self.replay))
 
     def _handle_inputs(self) -> None:
+        """Execute the queued inputs, then predict anew if the horizon was moved."""
         super()._handle_inputs()
         # of a slider that is moved meanwhile only the last place counts
         if self._horizon != self.replay.horizon and not self._predicting:
@@ -188,6 +189,7 @@ class ReplayPage(PageLoop):
         self._picture.draw(self.replay)
 
     def _draw_slowly(self) -> None:
+        """Update plots, clock and status text, at a lower rate than the 3D picture."""
         for chart in self._charts:
             chart.draw()
         if self.replay.playing:

@@ -15,8 +15,9 @@ from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree
 from skyarm.simulate.session import Session
 from skyarm.simulate.stages import Stages
+from skyarm.simulate.tip_and_goal import goal_of
 from skyarm.vehicle import Vehicle
-from skyarm.view.picture.frames import goal_of, poses_of, tip_error
+from skyarm.view.picture.frames import poses_of, tip_error
 from skyarm.world.component import Component
 
 
@@ -74,7 +75,9 @@ def sights(session: Session) -> list[PlottedInstant]:
         outside = wind_at(around, motion)
         placed = poses_of(vehicle, motion.state)
         upward = float(placed.rotations[0, 2, 2])
-        away = tip_error(agent, time, placed.tip, goal_of(agent, time).tip)
+        # as metrics have it: a plan states where its tip is, with the base's tilt
+        desired = float_array(goal_of(vehicle, agent.reference.at(time)).tool)
+        away = tip_error(agent, time, placed.tip, desired)
         speeds = zip(motion.state.rotor_speeds, vehicle.rotors, strict=True)
         plotted.append(
             PlottedInstant(
