@@ -47,6 +47,9 @@ ORDER = 4
 STILL = Constant(0.0)
 """Signal that is zero at all times."""
 
+Components = tuple[Scalar, Scalar, Scalar]
+"""Components x, y and z of a vector of a table."""
+
 FiveVectors = tuple[Vec3, ...]
 """Vector and its first four derivatives."""
 
@@ -193,7 +196,7 @@ class TipPush:
         ),
     ]
     normal: Annotated[
-        tuple[Scalar, Scalar, Scalar],
+        Components,
         Unit("", "outward unit normal of the modelled surface, world axes"),
     ]
     speed: Annotated[Scalar, nonnegative("m/s", "approach speed of the tip")] = SPEED
@@ -201,11 +204,11 @@ class TipPush:
         Signal | None, Unit("", "above 0.5 while the tip is held by what it grips")
     ] = field_if_any(default=None)
     pivot: Annotated[
-        tuple[Scalar, Scalar, Scalar] | None,
+        Components | None,
         Unit("m", "point on the axis about which the tip turns, world axes"),
     ] = field_if_any(default=None)
     axis: Annotated[
-        tuple[Scalar, Scalar, Scalar],
+        Components,
         Unit("", "direction of the axis through the pivot, world axes"),
     ] = field_if_any(default=UPRIGHT)
 
@@ -256,7 +259,7 @@ def counted_error(away: Vec3, push: Sequence[Scalar], tip: Vec3) -> Vec3:
     return away - n * where(pressed, n.dot(away), 0.0)
 
 
-def _unit(v: tuple[Scalar, Scalar, Scalar]) -> tuple[Scalar, Scalar, Scalar]:
+def _unit(v: Components) -> Components:
     x, y, z = v
     length = divide(1.0, sqrt(x * x + y * y + z * z))
     return x * length, y * length, z * length

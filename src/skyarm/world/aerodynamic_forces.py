@@ -18,7 +18,7 @@ from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle import Vehicle
-from skyarm.world.component import Force, Wrench
+from skyarm.world.component import Force, NoMemory, Wrench
 
 _STILL = 1e-24
 """Squared speed (m^2/s^2) added under the root; it makes the derivative at rest 0 and
@@ -27,7 +27,7 @@ changes no speed above 1e-4 m/s."""
 
 @immutable
 @checked("ground_effect")
-class GroundEffect(Force[tuple[()]]):
+class GroundEffect(Force[NoMemory]):
     """Ground effect by image rotors: the thrust of each rotor increases near the ground
     plane z = 0.
 
@@ -57,7 +57,7 @@ class GroundEffect(Force[tuple[()]]):
 
     def wrenches(
         self,
-        memory: tuple[()],
+        memory: NoMemory,
         t: Scalar,
         motion: PointMotion,
         rotor_speeds: Sequence[Scalar],
@@ -91,7 +91,7 @@ class GroundEffect(Force[tuple[()]]):
 
 @immutable
 @checked("link_drag")
-class LinkDrag(Force[tuple[()]]):
+class LinkDrag(Force[NoMemory]):
     """Quadratic aerodynamic drag of the arm's links, acting at each link's centre of
     mass.
 
@@ -127,7 +127,7 @@ class LinkDrag(Force[tuple[()]]):
 
     def wrenches(
         self,
-        memory: tuple[()],
+        memory: NoMemory,
         t: Scalar,
         motion: PointMotion,
         rotor_speeds: Sequence[Scalar],
@@ -147,7 +147,7 @@ class LinkDrag(Force[tuple[()]]):
 
 @immutable
 @checked("rotor_drag")
-class RotorDrag(Force[tuple[()]]):
+class RotorDrag(Force[NoMemory]):
     """Change of each rotor's thrust with the air speed: loss in climb and gain by
     translational lift.
 
@@ -175,7 +175,7 @@ class RotorDrag(Force[tuple[()]]):
 
     def wrenches(
         self,
-        memory: tuple[()],
+        memory: NoMemory,
         t: Scalar,
         motion: PointMotion,
         rotor_speeds: Sequence[Scalar],

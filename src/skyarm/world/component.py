@@ -71,8 +71,10 @@ class Wrench:
 
 
 Memory = TypeVar("Memory", bound=Tree)
-"""Type of a component's internal state, ``tuple[()]`` if it has none; its time
-derivative has the same type."""
+"""Type of a component's internal state; its time derivative has the same type."""
+
+NoMemory = tuple[()]
+"""Internal state of a component that has none."""
 
 
 def moved_by(memory: Memory, slope: Memory, dt: Scalar) -> Memory:

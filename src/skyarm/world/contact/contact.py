@@ -671,7 +671,7 @@ class Contact(ContactSteps):
         ]
         for carrier, body in zip(self.carriers, memory.carried, strict=True):
             numbers += carrier.logged(body)
-        nothing: tuple[Scalar, ...] = (0.0,) * (4 * len(self.body_pairs))
+        nothing: Scalars = (0.0,) * (4 * len(self.body_pairs))
         numbers += self.with_touches(
             memory,
             motion,

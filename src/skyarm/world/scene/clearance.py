@@ -411,7 +411,7 @@ def _outside_box(p: Vec3, half: Sequence[Scalar]) -> Vec3:
     return Vec3(*(c - clip(c, -h, h) for c, h in zip(p, half, strict=True)))
 
 
-def _from_box(half: tuple[Scalar, ...], start: Vec3, way: Vec3) -> Scalar:
+def _from_box(half: Scalars, start: Vec3, way: Vec3) -> Scalar:
     """Signed distance (m) of a segment from a box in its middle."""
     # from values alone: where the nearest point lies changes nothing to first order
     record = _values(start), _values(way), half
@@ -424,7 +424,7 @@ def _from_box(half: tuple[Scalar, ...], start: Vec3, way: Vec3) -> Scalar:
 
 
 def _nearest_to_box(
-    record: tuple[Vec3, Vec3, tuple[Scalar, ...]],
+    record: tuple[Vec3, Vec3, Scalars],
 ) -> tuple[Scalar, Scalar, Vec3, Scalar]:
     """Squared distance of a segment from a box, share of its length there; normal of
     the shortest way out, and its end.

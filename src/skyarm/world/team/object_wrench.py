@@ -168,7 +168,7 @@ class WrenchMemory:
 
     pose: PoseErrors = PoseErrors()
     inner: tuple[Vec3, ...]
-    eases: tuple[Scalar, ...]
+    eases: Scalars
     overload: Annotated[
         Scalar, Unit("s", "time for which the members have borne more than they can")
     ] = 0.0
@@ -178,7 +178,7 @@ class WrenchMemory:
     ] = 0.0
     shifts: tuple[TipShift, ...]
     sent: tuple[ForceMessage, ...]
-    ages: tuple[Scalar, ...]
+    ages: Scalars
     since: Annotated[Scalar, Unit("s", "time since the members sent messages")] = 1e6
     late: tuple[tuple[ForceMessage, ...], ...] = ()
 

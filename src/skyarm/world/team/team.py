@@ -645,7 +645,7 @@ class Sharing(Team):
         Scalar, positive("s", "time before the lift in which the members take the load")
     ] = 1.3
     internal_forces: Annotated[
-        tuple[Scalar, ...],
+        Scalars,
         Unit(
             "N",
             "desired pulls of members 0 and 1, 0 and 2, 1 and 2 and so on; left out:"
