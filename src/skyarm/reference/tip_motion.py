@@ -134,9 +134,10 @@ class TipMotion:
             joints: positions, rates ... to the fourth derivative.
         """
         series = [Taylor.of_derivatives(each) for each in zip(*joints, strict=True)]
-        arm = _derivatives(rotate_by_yaw(yaw, self.arm.tip_position(series)))
+        arm = self.arm.tip_position(series).about_z(Taylor.of_derivatives(yaw))
         return tuple(
-            tip - carried for tip, carried in zip(self.path(t), arm, strict=True)
+            tip - Vec3(*(nth_derivative(c, order) for c in arm))
+            for order, tip in enumerate(self.path(t))
         )
 
 
@@ -146,18 +147,6 @@ def vector_derivatives(signals: Sequence[Signal], t: Scalar) -> FiveVectors:
     """
     rows = [signal.derivatives(t) for signal in signals]
     return tuple(Vec3(*column) for column in zip(*rows, strict=True))
-
-
-def rotate_by_yaw(yaw: Sequence[Scalar], v: Vec3) -> Vec3:
-    """Rotate a vector of Taylor series about the world z axis by a heading with
-    derivatives.
-    """
-    heading = Taylor.of_derivatives([*yaw, *(0,) * (ORDER + 1 - len(yaw))])
-    return v.about_z(heading)
-
-
-def _derivatives(v: Vec3) -> FiveVectors:
-    return tuple(Vec3(*(nth_derivative(c, k) for c in v)) for k in range(ORDER + 1))
 
 
 def _to_series(record: Record) -> Record:
