@@ -20,10 +20,6 @@ from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle import Vehicle
 from skyarm.world.component import Force, NoMemory, Wrench
 
-_STILL = 1e-24
-"""Squared speed (m^2/s^2) added under the root; it makes the derivative at rest 0 and
-changes no speed above 1e-4 m/s."""
-
 
 @immutable
 @checked("ground_effect")
@@ -140,7 +136,7 @@ class LinkDrag(Force[NoMemory]):
             v = motion.velocity(link.body.com, i) - motion.air_velocity(
                 link.body.com, i
             )
-            factor = -0.5 * self.air_density * area * sqrt(v.dot(v) + _STILL)
+            factor = -0.5 * self.air_density * area * v.smooth_norm()
             wrenches.append(Wrench(force_W=v * factor, point=link.body.com, body=i))
         return wrenches
 

@@ -15,7 +15,7 @@ from itertools import product, repeat
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from skyarm.algebra import ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import sqrt, where
+from skyarm.algebra.scalars import where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError, concrete, fold_zeros
@@ -338,7 +338,7 @@ class Contact(ContactSteps):
             self.gripping.pulls(memory, motion, 0.0)
         ):
             apart = frame.position - pull.place
-            far = sqrt(apart.dot(apart)) - grasp.length
+            far = apart.norm() - grasp.length
             if concrete(far) and far > FARTHEST:
                 of = f"frame {grasp.frame or 'tip'} of {grasp.agent or 'the vehicle'}"
                 words = (

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Annotated
 
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import maximum, sqrt
+from skyarm.algebra.scalars import maximum
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent, concrete, fold_zeros
@@ -160,7 +160,7 @@ class Touch:
         """
         return (
             self.normal,
-            sqrt(self.friction.dot(self.friction)),
+            self.friction.norm(),
             maximum(self.depth, 0.0),
         )
 

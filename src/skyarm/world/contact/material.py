@@ -204,16 +204,14 @@ class Material:
             depth: m.
             step: s, over which the slip is constant.
         """
-        speed = sqrt(slip.dot(slip) + _STILL)
+        speed = slip.smooth_norm()
         gone = divide(1.0 - exp(speed * step * (-1.0 / self.bristle_length)), step)
         bending = slip * (divide(self.bristle_length, speed) * gone) - bristle * gone
         return select(depth > 0.0, bending, bristle * -RECOVERY)
 
     def bending_rate(self, bristle: Vec3, slip: Vec3) -> Vec3:
         """Rate (m/s) of the bristle deflection at an instant of contact."""
-        return slip - bristle * (
-            sqrt(slip.dot(slip) + _STILL) * (1.0 / self.bristle_length)
-        )
+        return slip - bristle * (slip.smooth_norm() * (1.0 / self.bristle_length))
 
     def friction_force(
         self,
@@ -244,5 +242,5 @@ class Material:
         friction = (
             bristle * (most * (1.0 / self.bristle_length)) + bristle_rate * damping
         )
-        size = sqrt(friction.dot(friction) + _STILL)
+        size = friction.smooth_norm()
         return friction * -minimum(divide(most, size), 1.0)

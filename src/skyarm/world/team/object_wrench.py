@@ -56,7 +56,6 @@ from skyarm.algebra.scalars import (
     maximum,
     minimum,
     mul,
-    sqrt,
     where,
 )
 from skyarm.records import coerce
@@ -616,7 +615,7 @@ class ObjectWrench(Sharing):
         endless = [SLACK / SMALL] * len(arms)
         # SLACK in both: of a member without a load the ratio is above 1
         ratios = [
-            divide(limit + SLACK, sqrt(load.dot(load)) + SLACK)
+            divide(limit + SLACK, load.norm() + SLACK)
             for limit, load in zip(inputs.limits or endless, loads, strict=True)
         ]
         left = moment - sum(
@@ -627,7 +626,7 @@ class ObjectWrench(Sharing):
             h * limit if member.kind == "fixed" else 0.0 for member, h, limit in rows
         ]
         whole = sum(most, 0.0)
-        tips = sqrt(left.dot(left)) > whole + LEAST_LEVER * sqrt(force.dot(force))
+        tips = left.norm() > whole + LEAST_LEVER * force.norm()
         borne = shorten(left, whole) * divide(1.0, maximum(whole, SMALL))
         short = logical_or(tips, reduce(minimum, ratios) < 1.0 - TOLERANCE)
         return loads, [borne * each for each in most], ratios, short
