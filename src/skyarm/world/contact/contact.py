@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from itertools import product, repeat
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from skyarm.algebra import ZERO3, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import where
@@ -220,7 +220,7 @@ class Contact(ContactSteps):
 
     def of_agent(self, name: str) -> Contact:
         """Contact model with the points, grippers and grasps of one vehicle alone."""
-        own = {
+        own: dict[str, Any] = {
             kind: tuple(
                 each for each in getattr(self, kind) if each.agent in ("", name)
             )

@@ -445,8 +445,8 @@ def largest_mobility(
         return 1.0 / mass + _reach(size[0], com) / least
 
     def face(count: int, a: int, b: int, spread_a: Scalar, spread_b: Scalar) -> Scalar:
-        """Upper bound of the inverse effective mass (1/kg) of a face between the axes
-        ``a`` and ``b`` that rests on ``count`` contacts.
+        """Upper bound of the inverse effective mass (1/kg) of a face between two axes,
+        at rest on several contacts.
 
         The spreads are sums of squares of their places along a and along b about the
         middle, m^2.

@@ -322,7 +322,9 @@ def _require_friction(
 
 def balance(pushes: Sequence[Push], weight: float, length: float = 1.0) -> Array:
     """Residual normal force and level moments on a resting body, relative to its
-    weight, if friction balances the tangential weight.
+    weight.
+
+    Friction balances the weight across the normal.
 
     Args:
         pushes: contacts of the body.
