@@ -44,7 +44,8 @@ BRISTLE_DAMPING = 5.0
 below; it damps the vibration of a sticking tip."""
 
 RECOVERY = 500.0
-"""Decay rate (1/s) of a bristle's deflection without contact."""
+"""Decay rate (1/s) of a bristle's deflection without contact: 1 % is left after 9 ms,
+and in the longest step it is 1.25 of the 2.78 to which Runge-Kutta is stable."""
 
 LIGHTEST = 0.02
 """Least effective mass (kg) of a contact, by which steps are chosen. The tips of the

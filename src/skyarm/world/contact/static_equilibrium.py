@@ -393,6 +393,7 @@ def _set_down(
     supports = _Supports(contact, index, gravity, away)
     x = np.zeros(3)
     where = f"world.objects[{index}].standing = true"
+    # what stands already, as in a file that was saved, does not move by rounding
     if (
         np.abs(supports.residual(x)).max() < 1e-9
         and _settle(supports.residual, supports.pushes, x) is not None
