@@ -53,7 +53,10 @@ lever arm of 0.1 m by less than the accelerometer's own noise."""
 
 
 # zeros of floats are data: as ints they would be structure that never changes
-_AT_REST = {Vec3: ZERO3_DATA, Quaternion: Quaternion(1.0, 0.0, 0.0, 0.0)}
+_AT_REST: Mapping[object, Any] = {
+    Vec3: ZERO3_DATA,
+    Quaternion: Quaternion(1.0, 0.0, 0.0, 0.0),
+}
 
 
 def blank(kind: type[Record]) -> Record:
