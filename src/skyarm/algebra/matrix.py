@@ -272,7 +272,9 @@ def _turned_pair(x: Scalar, y: Scalar, c: Scalar, s: Scalar) -> tuple[Scalar, Sc
 
 def orientation_error(R: Mat3, R_d: Mat3) -> Vec3:
     """Rotation error from R to R_d, axis times sine of the angle, in the axes that both
-    matrices map to: half the sum of the cross products of their columns.
+    matrices map to.
+
+    It is half the sum of the cross products of their columns.
     """
     total = ZERO3
     for k in range(3):

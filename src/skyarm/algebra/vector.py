@@ -146,6 +146,13 @@ class Vec3(ArrayLike):
         """Euclidean length of the vector."""
         return sqrt(self.dot(self))
 
+    def smooth_norm(self) -> Scalar:
+        """Euclidean length whose derivative at zero is 0 instead of NaN.
+
+        What is added to the square changes no bit of a length above 1e-4.
+        """
+        return sqrt(self.dot(self) + 1e-24)
+
 
 ZERO3 = Vec3(0, 0, 0)
 ZERO3_DATA = Vec3(0.0, 0.0, 0.0)

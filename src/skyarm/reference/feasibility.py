@@ -24,6 +24,8 @@ LOOKS = 50.0
 """Sampling rate (Hz) at which a plan is evaluated."""
 
 MOST_LOOKS = 20_000
+"""Largest number of instants at which a plan is evaluated: beyond 400 s they are
+farther apart."""
 
 MOST_JACOBIANS = 500
 """Largest number of instants at which the arm's Jacobian is evaluated."""

@@ -107,8 +107,9 @@ def _clip_to_window(signal: Signal, start: float, stop: float) -> Signal:
 
 
 def component_from(entry: Entry, where: str) -> Signal:
-    """Time signal of one component of a vector from a value of a scenario file; an
-    exact zero becomes a constant of compiled code.
+    """Time signal of one component of a vector from a value of a scenario file.
+
+    An exact zero becomes a constant of compiled code.
     """
     # by type: False is equal to zero, and no number
     return (

@@ -73,8 +73,7 @@ def guard_from(
     guard["timeout"] = number_within(fields, "timeout", 5.0, low=CLOSEST)
     guard["fails"] = fields.choice("on_timeout", ("go_on", "fail"), "go_on") == "fail"
     guard["early"] = fields.flag("early", False)
-    given = fields.take("direction", None)
-    if given is not None:
+    if fields.states("direction"):
         guard["direction"] = unit_vector(fields, "direction")
     fields.done()
     if not any(name in guard for name in ASKED):

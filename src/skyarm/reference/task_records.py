@@ -11,7 +11,7 @@ from skyarm.records.field_rules import checked
 from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.reference.signals import Signal
-from skyarm.reference.tip_motion import TipPush
+from skyarm.reference.tip_motion import Components, TipPush
 from skyarm.vehicle import Vehicle
 
 
@@ -37,7 +37,7 @@ class Phase:
             if self.back is None
             else (self.back[0] + seconds, self.back[1] + seconds)
         )
-        return Phase(name=self.name, end=self.end + seconds, back=back)
+        return replace(self, end=self.end + seconds, back=back)
 
 
 @immutable
@@ -103,7 +103,7 @@ class Guard:
         ),
     ] = None
     direction: Annotated[
-        tuple[Scalar, Scalar, Scalar],
+        Components,
         Unit("", "unit vector of force and distance, out of the surface, world axes"),
     ] = (0.0, 0.0, 1.0)
     hold: Annotated[

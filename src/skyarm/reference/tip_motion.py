@@ -47,6 +47,9 @@ ORDER = 4
 STILL = Constant(0.0)
 """Signal that is zero at all times."""
 
+Components = tuple[Scalar, Scalar, Scalar]
+"""Components x, y and z of a vector of a table."""
+
 FiveVectors = tuple[Vec3, ...]
 """Vector and its first four derivatives."""
 
@@ -131,9 +134,10 @@ class TipMotion:
             joints: positions, rates ... to the fourth derivative.
         """
         series = [Taylor.of_derivatives(each) for each in zip(*joints, strict=True)]
-        arm = _derivatives(rotate_by_yaw(yaw, self.arm.tip_position(series)))
+        arm = self.arm.tip_position(series).about_z(Taylor.of_derivatives(yaw))
         return tuple(
-            tip - carried for tip, carried in zip(self.path(t), arm, strict=True)
+            tip - Vec3(*(nth_derivative(c, order) for c in arm))
+            for order, tip in enumerate(self.path(t))
         )
 
 
@@ -143,18 +147,6 @@ def vector_derivatives(signals: Sequence[Signal], t: Scalar) -> FiveVectors:
     """
     rows = [signal.derivatives(t) for signal in signals]
     return tuple(Vec3(*column) for column in zip(*rows, strict=True))
-
-
-def rotate_by_yaw(yaw: Sequence[Scalar], v: Vec3) -> Vec3:
-    """Rotate a vector of Taylor series about the world z axis by a heading with
-    derivatives.
-    """
-    heading = Taylor.of_derivatives([*yaw, *(0,) * (ORDER + 1 - len(yaw))])
-    return v.about_z(heading)
-
-
-def _derivatives(v: Vec3) -> FiveVectors:
-    return tuple(Vec3(*(nth_derivative(c, k) for c in v)) for k in range(ORDER + 1))
 
 
 def _to_series(record: Record) -> Record:
@@ -193,7 +185,7 @@ class TipPush:
         ),
     ]
     normal: Annotated[
-        tuple[Scalar, Scalar, Scalar],
+        Components,
         Unit("", "outward unit normal of the modelled surface, world axes"),
     ]
     speed: Annotated[Scalar, nonnegative("m/s", "approach speed of the tip")] = SPEED
@@ -201,11 +193,11 @@ class TipPush:
         Signal | None, Unit("", "above 0.5 while the tip is held by what it grips")
     ] = field_if_any(default=None)
     pivot: Annotated[
-        tuple[Scalar, Scalar, Scalar] | None,
+        Components | None,
         Unit("m", "point on the axis about which the tip turns, world axes"),
     ] = field_if_any(default=None)
     axis: Annotated[
-        tuple[Scalar, Scalar, Scalar],
+        Components,
         Unit("", "direction of the axis through the pivot, world axes"),
     ] = field_if_any(default=UPRIGHT)
 
@@ -256,7 +248,7 @@ def counted_error(away: Vec3, push: Sequence[Scalar], tip: Vec3) -> Vec3:
     return away - n * where(pressed, n.dot(away), 0.0)
 
 
-def _unit(v: tuple[Scalar, Scalar, Scalar]) -> tuple[Scalar, Scalar, Scalar]:
+def _unit(v: Components) -> Components:
     x, y, z = v
     length = divide(1.0, sqrt(x * x + y * y + z * z))
     return x * length, y * length, z * length

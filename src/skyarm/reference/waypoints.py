@@ -37,6 +37,7 @@ from skyarm.records.arrays import Array, doubles, stack_values
 from skyarm.records.files import Fields, number, require_file, shown, three_numbers
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import parts
 from skyarm.records.units import Unit
 from skyarm.records.units import positive as positive_unit
 from skyarm.reference.signals import Signal
@@ -94,7 +95,7 @@ class FlightLimits:
         return all(getattr(self, name) <= getattr(limits, name) for name in LIMITS)
 
 
-LIMITS = ("speed", "acceleration", "tilt", "rate", "spin", "thrust")
+LIMITS = tuple(parts(FlightLimits()))
 
 
 def through(points: Points, times: Sequence[float]) -> Trajectory:

@@ -30,7 +30,6 @@ from skyarm.algebra.scalars import (
     floor,
     mul,
     sin,
-    sqrt,
     sub,
     where,
 )
@@ -516,7 +515,7 @@ class TactileSwitch(FramedSensor):
 
     def reading_of(self, push: Push) -> Quantities:
         """Magnitude of the contact force: name, error model and true value, N."""
-        return self.channels(force=(sqrt(push.force.dot(push.force)),))
+        return self.channels(force=(push.force.norm(),))
 
     def first_own(self, vehicle: Vehicle) -> tuple[Push, Tree]:
         """Initial output of the low-pass filter, and 0.0 for the open switch."""

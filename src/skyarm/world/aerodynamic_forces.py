@@ -18,16 +18,12 @@ from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle import Vehicle
-from skyarm.world.component import Force, Wrench
-
-_STILL = 1e-24
-"""Squared speed (m^2/s^2) added under the root; it makes the derivative at rest 0 and
-changes no speed above 1e-4 m/s."""
+from skyarm.world.component import Force, NoMemory, Wrench
 
 
 @immutable
 @checked("ground_effect")
-class GroundEffect(Force[tuple[()]]):
+class GroundEffect(Force[NoMemory]):
     """Ground effect by image rotors: the thrust of each rotor increases near the ground
     plane z = 0.
 
@@ -57,7 +53,7 @@ class GroundEffect(Force[tuple[()]]):
 
     def wrenches(
         self,
-        memory: tuple[()],
+        memory: NoMemory,
         t: Scalar,
         motion: PointMotion,
         rotor_speeds: Sequence[Scalar],
@@ -91,7 +87,7 @@ class GroundEffect(Force[tuple[()]]):
 
 @immutable
 @checked("link_drag")
-class LinkDrag(Force[tuple[()]]):
+class LinkDrag(Force[NoMemory]):
     """Quadratic aerodynamic drag of the arm's links, acting at each link's centre of
     mass.
 
@@ -127,7 +123,7 @@ class LinkDrag(Force[tuple[()]]):
 
     def wrenches(
         self,
-        memory: tuple[()],
+        memory: NoMemory,
         t: Scalar,
         motion: PointMotion,
         rotor_speeds: Sequence[Scalar],
@@ -140,14 +136,14 @@ class LinkDrag(Force[tuple[()]]):
             v = motion.velocity(link.body.com, i) - motion.air_velocity(
                 link.body.com, i
             )
-            factor = -0.5 * self.air_density * area * sqrt(v.dot(v) + _STILL)
+            factor = -0.5 * self.air_density * area * v.smooth_norm()
             wrenches.append(Wrench(force_W=v * factor, point=link.body.com, body=i))
         return wrenches
 
 
 @immutable
 @checked("rotor_drag")
-class RotorDrag(Force[tuple[()]]):
+class RotorDrag(Force[NoMemory]):
     """Change of each rotor's thrust with the air speed: loss in climb and gain by
     translational lift.
 
@@ -175,7 +171,7 @@ class RotorDrag(Force[tuple[()]]):
 
     def wrenches(
         self,
-        memory: tuple[()],
+        memory: NoMemory,
         t: Scalar,
         motion: PointMotion,
         rotor_speeds: Sequence[Scalar],

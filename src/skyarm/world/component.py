@@ -22,7 +22,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Generic, NamedTuple, Self, TypeVar, cast
 
 from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import add, divide, maximum, mul, same, sqrt, where
+from skyarm.algebra.scalars import add, divide, maximum, mul, same, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError
@@ -71,8 +71,10 @@ class Wrench:
 
 
 Memory = TypeVar("Memory", bound=Tree)
-"""Type of a component's internal state, ``tuple[()]`` if it has none; its time
-derivative has the same type."""
+"""Type of a component's internal state; its time derivative has the same type."""
+
+NoMemory = tuple[()]
+"""Internal state of a component that has none."""
 
 
 def moved_by(memory: Memory, slope: Memory, dt: Scalar) -> Memory:
@@ -97,7 +99,7 @@ def shorten(vector: Vec3, most: Scalar) -> Vec3:
     zero.
     """
     # the square added: the slope of a root is infinite at zero
-    return vector * divide(most, maximum(sqrt(vector.dot(vector) + 1e-24), most))
+    return vector * divide(most, maximum(vector.smooth_norm(), most))
 
 
 def require_frame(vehicle: Vehicle, frame: str) -> None:

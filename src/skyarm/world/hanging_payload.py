@@ -236,7 +236,7 @@ class HangingPayload(TimedPayload):
         """
         to_tip = now.holder - now.position
         # at the frame itself the cord has no direction: zero, not NaN
-        length = sqrt(to_tip.dot(to_tip) + 1e-24)
+        length = to_tip.smooth_norm()
         along = to_tip * (1.0 / length)
         # k / m, by which the weight stretches the cord as stated
         square = motion.gravity / (self.stretch * self.cord)
@@ -253,9 +253,7 @@ class HangingPayload(TimedPayload):
             # friction takes from the slip by what hits; 1e-24: at rest no 0 / 0
             beside = velocity - normal * into
             left = maximum(
-                1.0
-                + solid.material.friction
-                * divide(into, sqrt(beside.dot(beside) + 1e-24)),
+                1.0 + solid.material.friction * divide(into, beside.smooth_norm()),
                 0.0,
             )
             slower = beside * left

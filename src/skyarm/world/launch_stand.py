@@ -11,12 +11,12 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit, positive
-from skyarm.world.component import Force, Wrench
+from skyarm.world.component import Force, NoMemory, Wrench
 
 
 @immutable
 @checked("launch_stand")
-class LaunchStand(Force[tuple[()]]):
+class LaunchStand(Force[NoMemory]):
     """Launch stand under the base origin: pushes up only, and holds position and
     attitude while it carries load.
 
@@ -77,7 +77,7 @@ class LaunchStand(Force[tuple[()]]):
 
     def wrenches(
         self,
-        memory: tuple[()],
+        memory: NoMemory,
         t: Scalar,
         motion: PointMotion,
         rotor_speeds: Sequence[Scalar],

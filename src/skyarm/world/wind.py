@@ -45,13 +45,21 @@ from skyarm.records.registry import names
 from skyarm.records.units import Unit
 from skyarm.records.words import Word
 from skyarm.world import dryden
-from skyarm.world.component import Air, Component, Event, Force, Memory, Wrench
+from skyarm.world.component import (
+    Air,
+    Component,
+    Event,
+    Force,
+    Memory,
+    NoMemory,
+    Wrench,
+)
 from skyarm.world.dryden import HIGHEST, LOWEST, Dryden, DrydenMemory
 from skyarm.world.gust import SHAPES, Gust
 
 
 @positional
-class WindSample(Component[tuple[()]]):
+class WindSample(Component[NoMemory]):
     """Force, air velocity and logged numbers of all environment models at one instant
     of a flight.
 
@@ -69,13 +77,13 @@ class WindSample(Component[tuple[()]]):
     air_velocity_W: Vec3 = ZERO3
     numbers: Scalars = ()
 
-    def velocity(self, memory: tuple[()], t: Scalar, position_W: Vec3) -> Vec3:
+    def velocity(self, memory: NoMemory, t: Scalar, position_W: Vec3) -> Vec3:
         """Constant air velocity, m/s, world axes."""
         return self.air_velocity_W
 
     def wrenches(
         self,
-        memory: tuple[()],
+        memory: NoMemory,
         t: Scalar,
         motion: PointMotion,
         rotor_speeds: Sequence[Scalar],
@@ -188,7 +196,7 @@ class GustyWind(Component[Memory]):
 
 
 @immutable
-class ForceWind(GustyWind[tuple[()]], Force[tuple[()]]):
+class ForceWind(GustyWind[NoMemory], Force[NoMemory]):
     """Wind as a force on the base and an independent air velocity, like the wind plugin
     of RotorS.
 
@@ -236,13 +244,13 @@ class ForceWind(GustyWind[tuple[()]], Force[tuple[()]]):
                     " RotorS"
                 )
 
-    def velocity(self, memory: tuple[()], t: Scalar, position_W: Vec3) -> Vec3:
+    def velocity(self, memory: NoMemory, t: Scalar, position_W: Vec3) -> Vec3:
         """Constant air velocity at the rotors, world axes, m/s."""
         return self.air_velocity_W
 
     def wrenches(
         self,
-        memory: tuple[()],
+        memory: NoMemory,
         t: Scalar,
         motion: PointMotion,
         rotor_speeds: Sequence[Scalar],
@@ -254,7 +262,7 @@ class ForceWind(GustyWind[tuple[()]], Force[tuple[()]]):
         return (Wrench(force_W=force, point=self.point_B, agent=self.agent),)
 
 
-Turbulence = DrydenMemory | tuple[()]
+Turbulence = DrydenMemory | NoMemory
 """Internal state of moving air; () for smooth air."""
 
 

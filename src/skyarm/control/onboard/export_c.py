@@ -51,12 +51,7 @@ from skyarm.reference import Reference
 from skyarm.reference.carry import Carry
 from skyarm.reference.trajectory import resting_arm
 from skyarm.sensing.estimate.error_state_filter import ErrorStateFilter
-from skyarm.sensing.estimate.filter_constants import (
-    AIDS,
-    BLANK_INERTIAL,
-    BLANK_READINGS,
-    FilterMemory,
-)
+from skyarm.sensing.estimate.filter_constants import AIDS, FilterMemory, blank
 from skyarm.sensing.measurement import Measurement, blank_measurement
 from skyarm.sensing.sensor_kinds import (
     EncoderReading,
@@ -157,15 +152,13 @@ def blank_readings(
         PositionReading: "position",
         HeadingReading: "heading",
     }
-    aids: dict[str, Any] = {
-        named[kind]: BLANK_READINGS[kind] for kind in AIDS[estimator.aiding]
-    }
+    aids: dict[str, Any] = {named[kind]: blank(kind) for kind in AIDS[estimator.aiding]}
     still = (0.0,) * joints
     encoders = (
         EncoderReading(time=0.0, joints=still, joint_rates=still) if joints else ()
     )
     return FilterReadings(
-        imu=BLANK_INERTIAL, encoders=encoders, tip_force=(0.0,) * tip_force, **aids
+        imu=blank(ImuReading), encoders=encoders, tip_force=(0.0,) * tip_force, **aids
     )
 
 

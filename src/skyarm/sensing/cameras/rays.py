@@ -128,8 +128,8 @@ def _hole(p: Vec3, d: Vec3, size: Scalars) -> Interval:
     """First place of a plate with a hole, by steps of the distance from it (Hart 1996,
     Sphere tracing).
     """
-    pace = divide(1.0, sqrt(d.dot(d)))
-    reach = sqrt(p.dot(p)) + size[3] + size[4]
+    pace = divide(1.0, d.norm())
+    reach = p.norm() + size[3] + size[4]
 
     def step(record: tuple[Scalar, Scalar]) -> tuple[Scalar, Scalar]:
         t = record[0]

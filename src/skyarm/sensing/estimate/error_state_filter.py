@@ -47,12 +47,10 @@ from skyarm.sensing.estimate.error_state import (
 from skyarm.sensing.estimate.error_state import correct_state as with_error
 from skyarm.sensing.estimate.filter_constants import (
     AIDS,
-    BLANK_BELIEF,
-    BLANK_INERTIAL,
-    BLANK_READINGS,
     TURNING,
     FilterMemory,
     FilterNumbers,
+    blank,
     in_turn,
     only,
 )
@@ -113,12 +111,12 @@ class ErrorStateFilter(FilterNumbers):
         still, waiting = (0.0,) * vehicle.n, self.delay_periods + 1
         return FilterMemory(
             started=0.0,
-            belief=replace(BLANK_BELIEF, push=ZERO3_DATA if self.uses_model else ZERO3),
-            covariance=self.first_covariance(),
-            inertial=(BLANK_INERTIAL,) * waiting,
-            aiding=tuple(
-                (BLANK_READINGS[kind],) * waiting for kind in AIDS[self.aiding]
+            belief=replace(
+                blank(Navigated), push=ZERO3_DATA if self.uses_model else ZERO3
             ),
+            covariance=self.first_covariance(),
+            inertial=(blank(ImuReading),) * waiting,
+            aiding=tuple((blank(kind),) * waiting for kind in AIDS[self.aiding]),
             joints=FilteredJoints(joints=still, rates=still, read=0.0),
             modelled=(ZERO3_DATA,) * waiting if self.uses_model else (),
             rotor_speeds=(0.0,) * len(vehicle.rotors),

@@ -14,8 +14,8 @@ from skyarm.dynamics.actuators.drive import Drive
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import field_if_any, immutable
-from skyarm.records.leaves import blend
-from skyarm.records.units import Unit, nonnegative, positive
+from skyarm.records.leaves import Record, blend
+from skyarm.records.units import Unit, declared_fields, nonnegative, positive
 from skyarm.sensing.estimate.error_state import (
     ATTITUDE,
     Aid,
@@ -51,22 +51,18 @@ TURNING = 100.0
 densities its error, 0.005 rad/s^2 sqrt(bandwidth^3 / 2), moves the specific force at a
 lever arm of 0.1 m by less than the accelerometer's own noise."""
 
-_LEVEL = Quaternion(1.0, 0.0, 0.0, 0.0)
 
 # zeros of floats are data: as ints they would be structure that never changes
-BLANK_INERTIAL = ImuReading(time=0.0, rate=ZERO3_DATA, specific_force=ZERO3_DATA)
-BLANK_READINGS: dict[type, Aid] = {
-    PoseReading: PoseReading(time=0.0, position=ZERO3_DATA, quaternion=_LEVEL),
-    PositionReading: PositionReading(time=0.0, position=ZERO3_DATA),
-    HeadingReading: HeadingReading(time=0.0, heading=0.0),
+_AT_REST: Mapping[object, Any] = {
+    Vec3: ZERO3_DATA,
+    Quaternion: Quaternion(1.0, 0.0, 0.0, 0.0),
 }
-BLANK_BELIEF = Navigated(
-    position=ZERO3_DATA,
-    velocity=ZERO3_DATA,
-    quaternion=_LEVEL,
-    gyro_bias=ZERO3_DATA,
-    accelerometer_bias=ZERO3_DATA,
-)
+
+
+def blank(kind: type[Record]) -> Record:
+    """Reading or state of a given type whose numbers are zeros, level."""
+    fields = declared_fields(kind).items()
+    return kind(**{name: _AT_REST.get(each, 0.0) for name, (each, _) in fields})
 
 
 @immutable

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Annotated
 
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import maximum, sqrt
+from skyarm.algebra.scalars import maximum
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent, concrete, fold_zeros
@@ -160,7 +160,7 @@ class Touch:
         """
         return (
             self.normal,
-            sqrt(self.friction.dot(self.friction)),
+            self.friction.norm(),
             maximum(self.depth, 0.0),
         )
 
@@ -283,8 +283,11 @@ def wrenches_on(
 def _places(
     points: Sequence[ContactPoint], motion: PointMotion
 ) -> tuple[list[tuple[Vec3, int]], dict[tuple[str, int], Mat3]]:
-    """Position (m, body axes) and body of each contact point, and rotations to world
-    axes of the bodies on which contact forces are added up, by vehicle and body.
+    """Position (m, body axes) and body of each contact point, and axes of bodies on
+    which forces are added up.
+
+    These are rotations to world axes, by vehicle and body: of a base, and of a body
+    that has several points.
     """
     placed = [point.place(motion.of(point.agent).vehicle) for point in points]
     bodies = [

@@ -215,7 +215,7 @@ class FreeObject(Carrier[ObjectMotion]):
         """Refuse a place (m, its axes) farther from the surface of the body than the
         body is large.
         """
-        far = sqrt(place.dot(place))
+        far = place.norm()
         most = 3.0 * self.surfaces[0].farthest
         if concrete(far, most) and far > most:
             words = (
@@ -239,7 +239,7 @@ class FreeObject(Carrier[ObjectMotion]):
         fixes the attitude.
         """
         # the smallest radius of gyration bounds any direction of the lever
-        lever = self.surfaces[0].farthest + sqrt(self.com.dot(self.com) + 1e-24) + reach
+        lever = self.surfaces[0].farthest + self.com.smooth_norm() + reach
         return (2.0 + lever * lever / self.gyration) / self.mass
 
     def mobility_of(self, place: Vec3) -> Scalar:
@@ -285,7 +285,8 @@ class FreeObject(Carrier[ObjectMotion]):
     @property
     def gyration(self) -> Scalar:
         """Smallest squared radius of gyration of the free object, m^2."""
-        return reduce(minimum, self.moments) / self.mass
+        least: Scalar = reduce(minimum, self.moments)
+        return least / self.mass
 
     def start(self) -> ObjectMotion:
         """Initial state of the free object, from its initial pose and velocities."""
@@ -439,13 +440,13 @@ def largest_mobility(
         moments: moments of inertia about the centre of mass, kg m^2.
     """
     halves: Sequence[Scalar]
-    least = reduce(minimum, moments)
+    least: Scalar = reduce(minimum, moments)
     if shape == "sphere":
         return 1.0 / mass + _reach(size[0], com) / least
 
     def face(count: int, a: int, b: int, spread_a: Scalar, spread_b: Scalar) -> Scalar:
-        """Upper bound of the inverse effective mass (1/kg) of a face between the axes
-        ``a`` and ``b`` that rests on ``count`` contacts.
+        """Upper bound of the inverse effective mass (1/kg) of a face between two axes,
+        at rest on several contacts.
 
         The spreads are sums of squares of their places along a and along b about the
         middle, m^2.

@@ -251,7 +251,7 @@ class Grasp:
         """Force of a cable along the line from the body to the frame: it pulls where it
         is taut, and never pushes.
         """
-        length = sqrt(line.dot(line) + TINY)
+        length = line.smooth_norm()
         along = line * divide(1.0, length)
         stretch = length - self.length
         tension = maximum(

@@ -301,7 +301,7 @@ class Gripper:
                 torque = shorten(torque, most)
                 # the angle, of which the error is the sine: what friction bears alone
                 # does not creep
-                sine = minimum(sqrt(error.dot(error) + TINY), 1.0)
+                sine = minimum(error.smooth_norm(), 1.0)
                 angle = error * divide(asin(sine), sine)
                 twist = shorten(angle, divide(most, self.stiffness * gyration))
         return Hold(force=force, torque=torque, place=place, twist=twist)
@@ -407,7 +407,3 @@ class Gripper:
 def is_taken(taken: Scalar, number: float) -> Scalar:
     """True if a gripper holds the movable body with a given index, counted from 1."""
     return logical_and(taken > number - 0.5, taken < number + 0.5)
-
-
-TINY = 1e-24
-"""Squared length added in a quotient to avoid division by zero."""

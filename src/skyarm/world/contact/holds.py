@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from skyarm.algebra import ZERO3, Mat3, Scalar, Vec3
-from skyarm.algebra.scalars import sqrt, where
+from skyarm.algebra.scalars import where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree, as_data, blend
@@ -290,9 +290,9 @@ class Holds:
             memory.grips, self.actual(memory, self.frames(motion)), strict=True
         ):
             total = sum((hold.force for hold in row), ZERO3)
-            numbers += [grip.taken, sqrt(total.dot(total)), grip.lost, *total]
+            numbers += [grip.taken, total.norm(), grip.lost, *total]
         for _, _, pull, _ in self.pulls(memory, motion, motion.task_time):
-            numbers += [sqrt(pull.force.dot(pull.force)), *pull.force]
+            numbers += [pull.force.norm(), *pull.force]
         return numbers
 
 

@@ -35,7 +35,8 @@ def require_start_outside(
     weights = [float(getattr(each, "mass", 0.0)) * gravity for each in contact.carriers]
     for each in contact.meetings(contact.start(1.0, ()), motion):
         touching = weight if each.by == NOBODY else weights[each.by]
-        # the heavier of the two: a light body may lie on a heavy one, and the reverse
+        # the heavier of the two: a light body may lie on a heavy one, and the reverse;
+        # without weight any force is too large
         borne = max(touching, 1e-9 if each.of == NOBODY else weights[each.of])
         if float(each.touch.normal) > MOST * max(borne, 1e-9):
             what, inside, way = "", repr(each.surface), ""

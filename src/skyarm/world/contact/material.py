@@ -44,7 +44,8 @@ BRISTLE_DAMPING = 5.0
 below; it damps the vibration of a sticking tip."""
 
 RECOVERY = 500.0
-"""Decay rate (1/s) of a bristle's deflection without contact."""
+"""Decay rate (1/s) of a bristle's deflection without contact: 1 % is left after 9 ms,
+and in the longest step it is 1.25 of the 2.78 to which Runge-Kutta is stable."""
 
 LIGHTEST = 0.02
 """Least effective mass (kg) of a contact, by which steps are chosen. The tips of the
@@ -204,16 +205,14 @@ class Material:
             depth: m.
             step: s, over which the slip is constant.
         """
-        speed = sqrt(slip.dot(slip) + _STILL)
+        speed = slip.smooth_norm()
         gone = divide(1.0 - exp(speed * step * (-1.0 / self.bristle_length)), step)
         bending = slip * (divide(self.bristle_length, speed) * gone) - bristle * gone
         return select(depth > 0.0, bending, bristle * -RECOVERY)
 
     def bending_rate(self, bristle: Vec3, slip: Vec3) -> Vec3:
         """Rate (m/s) of the bristle deflection at an instant of contact."""
-        return slip - bristle * (
-            sqrt(slip.dot(slip) + _STILL) * (1.0 / self.bristle_length)
-        )
+        return slip - bristle * (slip.smooth_norm() * (1.0 / self.bristle_length))
 
     def friction_force(
         self,
@@ -244,5 +243,5 @@ class Material:
         friction = (
             bristle * (most * (1.0 / self.bristle_length)) + bristle_rate * damping
         )
-        size = sqrt(friction.dot(friction) + _STILL)
+        size = friction.smooth_norm()
         return friction * -minimum(divide(most, size), 1.0)

@@ -324,7 +324,7 @@ class Mechanism(Carrier[MechanismMotion]):
         lever = maximum(0.0, 1e-3)
         for surface in self.surfaces:
             away = surface.position - self.along * self.along.dot(surface.position)
-            lever = maximum(lever, sqrt(away.dot(away) + 1e-24) + surface.farthest)
+            lever = maximum(lever, away.smooth_norm() + surface.farthest)
         lever = add(lever, reach)
         return lever * lever / self.generalized_inertia
 
@@ -336,7 +336,7 @@ class Mechanism(Carrier[MechanismMotion]):
             return axis
         if self.axis.coordinate_axis() is not None:
             return self.axis
-        return self.axis * divide(1.0, sqrt(self.axis.dot(self.axis)))
+        return self.axis * divide(1.0, self.axis.norm())
 
     @property
     def largest_step(self) -> Scalar:

@@ -308,7 +308,7 @@ def misses(touch: Touch, seconds: Scalar) -> Scalar:
     """True if a point is too far from a surface to reach it within ``seconds``, even
     under a large acceleration.
     """
-    return too_far(touch.depth, sqrt(touch.slip.dot(touch.slip)), seconds)
+    return too_far(touch.depth, touch.slip.norm(), seconds)
 
 
 def too_far(depth: Scalar, speed: Scalar, seconds: Scalar) -> Scalar:
@@ -572,6 +572,6 @@ class TouchingBodies(Force[ContactMemory]):
                 near.append(logical_not(too_far(-gap, speed + other, seconds)))
             for there, theirs, rate in balls[:i]:
                 way = there - centre
-                gap = sqrt(way.dot(way)) - reach - theirs
+                gap = way.norm() - reach - theirs
                 near.append(logical_not(too_far(-gap, speed + rate, seconds)))
         return reduce(logical_or, near)

@@ -17,7 +17,7 @@ from collections.abc import Callable, Sequence
 from functools import reduce
 from itertools import product
 
-from skyarm.algebra import Mat3, Scalar, Vec3
+from skyarm.algebra import Mat3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import (
     absolute,
     clip,
@@ -289,7 +289,7 @@ def _line(
     length = sqrt(way.dot(way) + _TINY)
     share = _nearest_share(b.shape, start, way)
     most = maximum(*taken)
-    ends: tuple[Scalar, ...] = (share,)
+    ends: Scalars = (share,)
     flat: Scalar = False
     if b.shape.shape in ("box", "cylinder"):
         ends, flat = _above_face(b.shape, start, way, share)

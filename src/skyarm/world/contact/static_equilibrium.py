@@ -322,7 +322,9 @@ def _require_friction(
 
 def balance(pushes: Sequence[Push], weight: float, length: float = 1.0) -> Array:
     """Residual normal force and level moments on a resting body, relative to its
-    weight, if friction balances the tangential weight.
+    weight.
+
+    Friction balances the weight across the normal.
 
     Args:
         pushes: contacts of the body.
@@ -391,6 +393,7 @@ def _set_down(
     supports = _Supports(contact, index, gravity, away)
     x = np.zeros(3)
     where = f"world.objects[{index}].standing = true"
+    # what stands already, as in a file that was saved, does not move by rounding
     if (
         np.abs(supports.residual(x)).max() < 1e-9
         and _settle(supports.residual, supports.pushes, x) is not None

@@ -231,7 +231,7 @@ class Surface:
             if self.shape == "capsule":
                 half = 0.5 * self.size[1]
                 p = Vec3(p.x, p.y, p.z - clip(p.z, -half, half))
-            away = sqrt(p.dot(p) + _CENTRE)
+            away = p.smooth_norm()
             return ((away - self.size[0], p * divide(1.0, away)),)
         if self.shape == "hull":
             return self._above(p, self.vertices)

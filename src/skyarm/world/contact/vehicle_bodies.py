@@ -110,7 +110,7 @@ class Part:
     @property
     def reach(self) -> Scalar:
         """Largest distance (m) of the shape from the origin of its body."""
-        return sqrt(self.position.dot(self.position) + _TINY) + self.shape.farthest
+        return self.position.smooth_norm() + self.shape.farthest
 
 
 @positional
@@ -256,8 +256,8 @@ def pairs_of(
 
 def speed_of(frame: CarriedFrame, reach: Scalar) -> Scalar:
     """Largest speed (m/s) of any point within ``reach`` (m) of a body's origin."""
-    turning = sqrt(frame.turning.dot(frame.turning) + _TINY)
-    return sqrt(frame.velocity.dot(frame.velocity) + _TINY) + turning * reach
+    turning = frame.turning.smooth_norm()
+    return frame.velocity.smooth_norm() + turning * reach
 
 
 def bare(shape: Surface | Collision, material: Material) -> Surface:
@@ -359,7 +359,7 @@ def gap_of_ball(centre: Vec3, reach: Scalar, side: Side) -> tuple[Scalar, Scalar
     if len(shapes) == 1 and shapes[0] != "hull":
         return -side.parts[0].in_world(side.frame).skin(centre, reach)[0], speed
     way = side.frame.position - centre
-    return sqrt(way.dot(way) + _TINY) - reach - theirs, speed
+    return way.smooth_norm() - reach - theirs, speed
 
 
 def whole_ball(motion: PointMotion) -> tuple[Vec3, Scalar, Scalar]:
@@ -379,15 +379,15 @@ def whole_ball(motion: PointMotion) -> tuple[Vec3, Scalar, Scalar]:
     ]
     for i, (link, slide) in enumerate(zip(vehicle.moving, slides, strict=True)):
         joint = link.joint
-        far[i] = far[link.parent] + sqrt(joint.position.dot(joint.position) + _TINY)
+        far[i] = far[link.parent] + joint.position.smooth_norm()
         if joint.kind == "prismatic":
             far[i] = far[i] + slide
     reach: Scalar = 0.0
     for each in vehicle.shapes:
         part = part_of_vehicle(each, Material())
         reach = maximum(reach, far[each.link] + part.reach)
-    speed = sqrt(state.velocity.dot(state.velocity) + _TINY)
-    speed = speed + reach * sqrt(state.rate.dot(state.rate) + _TINY)
+    speed = state.velocity.smooth_norm()
+    speed = speed + reach * state.rate.smooth_norm()
     rates = every_rate(vehicle, state.joint_rates)
     for link, rate in zip(vehicle.moving, rates, strict=True):
         lever = 1.0 if link.joint.kind == "prismatic" else reach
@@ -522,7 +522,7 @@ def _with_friction(record: Pressed) -> BodyTouch:
     lever = middle - a.position
     spread = total.second * share - lever.dot(lever)
     radius = sqrt(maximum(spread, 0.0) + _TINY)
-    axis = push * divide(1.0, sqrt(push.dot(push) + _TINY))
+    axis = push * divide(1.0, push.smooth_norm())
     slip = a.velocity_at(middle) - b.velocity_at(middle)
     spin = (a.turning - b.turning).dot(axis)
     sliding = slip + axis * (spin * radius - axis.dot(slip))

@@ -304,7 +304,7 @@ def pair_distance(a: Volume, b: Volume) -> Scalar:
     if absent(b.disc):
         s, t = _nearest_shares(start, along, _values(other))
         apart = (a.points[0] + way * s) - (middle + other * t)
-        return sqrt(apart.dot(apart) + _TINY) - (a.radius + b.radius)
+        return apart.smooth_norm() - (a.radius + b.radius)
     record = start, along, _values(b.axis), b.disc, b.half
     s = (
         0
@@ -411,7 +411,7 @@ def _outside_box(p: Vec3, half: Sequence[Scalar]) -> Vec3:
     return Vec3(*(c - clip(c, -h, h) for c, h in zip(p, half, strict=True)))
 
 
-def _from_box(half: tuple[Scalar, ...], start: Vec3, way: Vec3) -> Scalar:
+def _from_box(half: Scalars, start: Vec3, way: Vec3) -> Scalar:
     """Signed distance (m) of a segment from a box in its middle."""
     # from values alone: where the nearest point lies changes nothing to first order
     record = _values(start), _values(way), half
@@ -420,11 +420,11 @@ def _from_box(half: tuple[Scalar, ...], start: Vec3, way: Vec3) -> Scalar:
     )
     point = start + way * share
     apart = _outside_box(point, half)
-    return where(free > 0.0, sqrt(apart.dot(apart) + _TINY), normal.dot(point) - inside)
+    return where(free > 0.0, apart.smooth_norm(), normal.dot(point) - inside)
 
 
 def _nearest_to_box(
-    record: tuple[Vec3, Vec3, tuple[Scalar, ...]],
+    record: tuple[Vec3, Vec3, Scalars],
 ) -> tuple[Scalar, Scalar, Vec3, Scalar]:
     """Squared distance of a segment from a box, share of its length there; normal of
     the shortest way out, and its end.
@@ -480,7 +480,7 @@ def _farthest(each: Volume, n: Vec3) -> Vec3:
         return end
     along: Scalar = each.axis.dot(n)
     across = n - each.axis * along
-    rim = across * divide(each.disc, sqrt(across.dot(across) + _TINY))
+    rim = across * divide(each.disc, across.smooth_norm())
     return end + rim + each.axis * (sign(along) * each.half)
 
 
@@ -544,7 +544,7 @@ def _above_cylinder(point: Vec3, disc: Volume) -> Scalar:
     """
     along = disc.axis.dot(point)
     across = point - disc.axis * along
-    side = sqrt(across.dot(across) + _TINY) - disc.disc
+    side = across.smooth_norm() - disc.disc
     end = absolute(along) - disc.half
     out, up, height = maximum(side, 0.0), maximum(end, 0.0), maximum(side, end)
     outside = sqrt(out * out + up * up + _TINY)

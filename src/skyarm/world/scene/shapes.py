@@ -51,6 +51,10 @@ ROLES = (
 """Roles of drawn shapes, by which their colour is chosen."""
 
 
+Mesh = tuple[Array, IntArray]
+"""Vertices (V, 3), m, and triangles (F, 3) of a surface."""
+
+
 @positional
 class Shape:
     """Geometric shape to draw, fixed to a body of the vehicle or to the world.
@@ -161,7 +165,7 @@ AROUND = 24
 """Number of corners of a drawn circle."""
 
 
-def mesh_of(shape: Shape, around: int = AROUND) -> tuple[Array, IntArray]:
+def mesh_of(shape: Shape, around: int = AROUND) -> Mesh:
     """Triangle mesh of a shape: vertices (V, 3) in m and triangles (F, 3) with outward
     normals.
 
@@ -220,7 +224,7 @@ def mesh_of(shape: Shape, around: int = AROUND) -> tuple[Array, IntArray]:
     return vertices @ np.array(shape.rotation).T + np.array(shape.position), faces
 
 
-def own_mesh(shape: Shape) -> tuple[Array, IntArray] | None:
+def own_mesh(shape: Shape) -> Mesh | None:
     """Vertices (m) and triangles of a hull, or of a shape's STL file; None without a
     readable file.
     """
@@ -237,13 +241,13 @@ def own_mesh(shape: Shape) -> tuple[Array, IntArray] | None:
     return vertices, faces[:, ::-1]
 
 
-def _box(half: Array) -> tuple[Array, IntArray]:
+def _box(half: Array) -> Mesh:
     """Mesh of a box about the origin with half lengths (3,)."""
     corners = np.array([*product((-1, 1), repeat=3)]) * half
     return corners, convex_hull(corners, len(corners))[1]
 
 
-def _revolve(profile: list[tuple[float, float]], around: int) -> tuple[Array, IntArray]:
+def _revolve(profile: list[tuple[float, float]], around: int) -> Mesh:
     """Mesh of a surface of revolution: a profile of (radius, height) about z, outside
     on its right.
     """

@@ -56,7 +56,6 @@ from skyarm.algebra.scalars import (
     maximum,
     minimum,
     mul,
-    sqrt,
     where,
 )
 from skyarm.records import coerce
@@ -168,7 +167,7 @@ class WrenchMemory:
 
     pose: PoseErrors = PoseErrors()
     inner: tuple[Vec3, ...]
-    eases: tuple[Scalar, ...]
+    eases: Scalars
     overload: Annotated[
         Scalar, Unit("s", "time for which the members have borne more than they can")
     ] = 0.0
@@ -178,7 +177,7 @@ class WrenchMemory:
     ] = 0.0
     shifts: tuple[TipShift, ...]
     sent: tuple[ForceMessage, ...]
-    ages: tuple[Scalar, ...]
+    ages: Scalars
     since: Annotated[Scalar, Unit("s", "time since the members sent messages")] = 1e6
     late: tuple[tuple[ForceMessage, ...], ...] = ()
 
@@ -616,7 +615,7 @@ class ObjectWrench(Sharing):
         endless = [SLACK / SMALL] * len(arms)
         # SLACK in both: of a member without a load the ratio is above 1
         ratios = [
-            divide(limit + SLACK, sqrt(load.dot(load)) + SLACK)
+            divide(limit + SLACK, load.norm() + SLACK)
             for limit, load in zip(inputs.limits or endless, loads, strict=True)
         ]
         left = moment - sum(
@@ -627,7 +626,7 @@ class ObjectWrench(Sharing):
             h * limit if member.kind == "fixed" else 0.0 for member, h, limit in rows
         ]
         whole = sum(most, 0.0)
-        tips = sqrt(left.dot(left)) > whole + LEAST_LEVER * sqrt(force.dot(force))
+        tips = left.norm() > whole + LEAST_LEVER * force.norm()
         borne = shorten(left, whole) * divide(1.0, maximum(whole, SMALL))
         short = logical_or(tips, reduce(minimum, ratios) < 1.0 - TOLERANCE)
         return loads, [borne * each for each in most], ratios, short

@@ -27,7 +27,7 @@ from skyarm.algebra import (
     Sym3,
     Vec3,
 )
-from skyarm.algebra.scalars import clip, data, divide, maximum, sqrt, where
+from skyarm.algebra.scalars import clip, data, divide, maximum, where
 from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics.actuators.load_limits import LoadLimits
 from skyarm.dynamics.point_motion import PointMotion
@@ -540,7 +540,7 @@ class Team(VirtualMasses, Component[TeamMemory]):
         off = body.position - desired.position
         turn = team.turn_error(body.rotation, desired.R)
         shares = (divide(f.z, weight) for f in pulls)
-        errors = sqrt(off.dot(off)), sqrt(turn.dot(turn))
+        errors = off.norm(), turn.norm()
         logged = (
             *errors,
             *tensions,
@@ -645,7 +645,7 @@ class Sharing(Team):
         Scalar, positive("s", "time before the lift in which the members take the load")
     ] = 1.3
     internal_forces: Annotated[
-        tuple[Scalar, ...],
+        Scalars,
         Unit(
             "N",
             "desired pulls of members 0 and 1, 0 and 2, 1 and 2 and so on; left out:"

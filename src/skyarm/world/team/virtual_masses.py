@@ -138,7 +138,7 @@ class VirtualMasses:
             least = minimum(self.members[i].mass, self.members[j].mass)
             lines.append(
                 # a lost member takes no part: it must not be pulled either
-                line * where(least > 0.0, divide(1.0, sqrt(line.dot(line))), 0.0)
+                line * where(least > 0.0, divide(1.0, line.norm()), 0.0)
             )
         return lines
 
