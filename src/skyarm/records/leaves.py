@@ -279,4 +279,4 @@ def blend(condition: Scalar, new: Record, old: Record) -> Record:
     values = [
         where(condition, a, b) for a, b in zip(leaves(new), leaves(old), strict=True)
     ]
-    return rebuild(old, iter(values))
+    return rebuild(old, values)
