@@ -424,7 +424,7 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
     ]
     # the order of a log's info is that of its file
     opening = ("schema", "scenario", "title", "plant", "integrator")
-    closing = ("scenario_record", "digest")
+    closing = {name: whole.pop(name) for name in ("scenario_record", "digest")}
     info = {
         **{name: whole[name] for name in opening},
         "plant_vehicle": own.vehicle.name,
@@ -432,7 +432,7 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
         "model_vehicle": own.model.vehicle.name,
         "model_gravity": float(own.model.gravity),
         "controller": own.controller.name,
-        **{name: whole[name] for name in whole if name not in closing},
+        **whole,
     }
     if own.reference.phases:
         info["phases"] = [phase.name for phase in own.reference.phases]
@@ -441,7 +441,7 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
     # the scenario of the record flies alone
     if others:
         info["others"] = [*others]
-    return info | {name: whole[name] for name in closing}
+    return info | closing
 
 
 def describe_team(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
