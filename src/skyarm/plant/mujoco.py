@@ -285,8 +285,12 @@ class MujocoPlant:
         around: Together,
         dt: Scalar,
     ) -> tuple[Scalars, Scalars, Scalars, Scalars]:
-        """Generalised forces for MuJoCo, rotor and tilt states and those of contacts
-        after an integration step of ``dt`` (s), and added armature.
+        """Generalised forces for MuJoCo, and what an integration step of ``dt`` (s)
+        changes besides.
+
+        Returns:
+            Forces; rotor and tilt states, then contact states, after the step; armature
+            that the step adds to joints.
         """
         states = self._layout.states((*qpos, *qvel, *speeds))
         if self._euler:

@@ -69,8 +69,9 @@ class EpisodeInputs:
 
     @cached_property
     def fed(self) -> GivenRow:
-        """Closed-loop inputs at the control instants, as a record of arrays: time, held
-        and time-scaled reference; the time alone where phases wait.
+        """Closed-loop inputs at the control instants, as a record of arrays.
+
+        Time, held reference and time-scaled one; the time alone where phases wait.
         """
         if self.waits.guards:
             return InputRow(time=self.times, reference=())
