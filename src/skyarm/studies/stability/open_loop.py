@@ -359,7 +359,7 @@ class Differentiator:
 
     def _channels(self, point: OpenPoint, base: Array) -> tuple[LoopChannel, ...]:
         """Signals at which the loop is cut for its margins, at this operating point."""
-        at = rebuild(point, iter(base.tolist()))
+        at = rebuild(point, base.tolist())
         speeds = [float(speed) for speed in at.new.rotor_speeds]
         return vehicle_channels(self.scenario.agent.vehicle, speeds, at.seen.quaternion)
 
@@ -404,4 +404,4 @@ class Differentiator:
 
 def carry_of(template: LoopState, values: Sequence[float]) -> LoopState:
     """Rebuild the state of the simulation loop from its scalar values."""
-    return rebuild(template, iter([float(value) for value in values]))
+    return rebuild(template, [float(value) for value in values])
