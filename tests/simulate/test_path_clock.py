@@ -303,7 +303,6 @@ def test_a_reference_that_ends_early_goes_on_from_where_it_is(scenario):
         guard=2.0,
         reached=2.0,
         origin=Vec3(0.1, 0.0, 1.0),
-        since=0.0,
     )
     there = Vec3(0.1, 0.0, 1.0) - Vec3(*OUT) * 0.005
     seen = GuardInputs(tip=there, goal=there, push=(), force=Vec3(0.0, 0.0, 0.0))
@@ -324,7 +323,8 @@ def test_a_reference_that_ends_early_goes_on_from_where_it_is(scenario):
         assert waits.held_reference(after, tick) == before
         after = waits.following(after, tick, seen)
     moved = waits.instants(waits.times(after, 44.0))
-    assert moved[0][1] == moved[1][1] == [*after.offset, after.since]
+    offset, since = after.shift
+    assert moved[0][1] == moved[1][1] == [*offset, since]
     assert waits.held_reference(after, 44.0) == waits.reference(*moved[1]) != before
 
 
@@ -335,12 +335,7 @@ def test_a_held_sample_keeps_its_offset_while_a_phase_is_skipped(scenario):
     phases = (PHASES[0], dataclasses.replace(PHASES[1], back=(0.15, 0.19)), *PHASES[2:])
     trajectory = dataclasses.replace(scenario.reference, phases=phases)
     waits = Waits(dataclasses.replace(scenario, reference=trajectory))
-    offset = {
-        "offset": Vec3(0.003, 0.0, 0.0),
-        "since": 20.0,
-        "held_offset": Vec3(0.003, 0.0, 0.0),
-        "held_since": 20.0,
-    }
+    shift = Vec3(0.003, 0.0, 0.0), 20.0
     begun = {
         "place": 41.0,
         "held": 40.0,
@@ -348,7 +343,7 @@ def test_a_held_sample_keeps_its_offset_while_a_phase_is_skipped(scenario):
         "reached": 2.0,
         "origin": Vec3(0.1, 0.0, 1.0),
     }
-    clock = dataclasses.replace(waits.first(), **begun, **offset)
+    clock = dataclasses.replace(waits.first(), **begun, shift=shift, held_shift=shift)
     there = Vec3(0.1, 0.0, 1.0) - Vec3(*OUT) * 0.005
     seen = GuardInputs(tip=there, goal=there, push=(), force=Vec3(0.0, 0.0, 0.0))
     before = waits.held_reference(clock, 41.0)
@@ -358,7 +353,7 @@ def test_a_held_sample_keeps_its_offset_while_a_phase_is_skipped(scenario):
     )
     for tick in (41.0, 42.0):
         clock = waits.following(clock, tick, seen)
-        assert clock.since > 42.0
+        assert clock.shift[1] > 42.0
         assert waits.held_reference(clock, tick + 1.0) == before
     clock = waits.following(clock, 43.0, seen)
     assert (

@@ -15,9 +15,12 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
+import numpy as np
+
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
 from skyarm.algebra.scalars.floats import to_single
 from skyarm.compile.tracing.tracer import Lowered, Node, is_condition
+from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import Place, Tree, is_leaf, is_record, parts, walk
 from skyarm.records.units import Unit, units
@@ -368,10 +371,8 @@ def make_struct(
 
 
 def _indices(shape: tuple[int, ...]) -> list[str]:
-    texts = [""]
-    for size in shape:
-        texts = [f"{text}[{i}]" for text in texts for i in range(size)]
-    return texts
+    """Indices of all elements of a C array, row by row."""
+    return ["".join(f"[{i}]" for i in index) for index in np.ndindex(shape)]
 
 
 def declaration(name: str, struct: Struct, floats: Floats) -> str:
@@ -394,22 +395,17 @@ def initialiser(struct: Struct, floats: Floats) -> str:
     if not struct.members:
         return f"{{{floats.literal(0.0)}}}"
     lines = [
-        f"    {_in_braces(list(member.values), member.shape, floats)}, /*"
+        f"    {_in_braces(np.reshape(member.values, member.shape), floats)}, /*"
         f" {member.name} */"
         for member in struct.members
     ]
     return "\n".join(["{", *lines, "}"])
 
 
-def _in_braces(values: list[float], shape: tuple[int, ...], floats: Floats) -> str:
-    if not shape:
-        return floats.literal(values[0])
-    step = math.prod(shape[1:])
-    parts = [
-        _in_braces(values[i * step : (i + 1) * step], shape[1:], floats)
-        for i in range(shape[0])
-    ]
-    return f"{{{', '.join(parts)}}}"
+def _in_braces(values: Array, floats: Floats) -> str:
+    if not values.ndim:
+        return floats.literal(float(values))
+    return f"{{{', '.join(_in_braces(np.asarray(each), floats) for each in values)}}}"
 
 
 def comment(text: str) -> str:

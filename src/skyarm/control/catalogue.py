@@ -281,11 +281,7 @@ def rescale(controller: Controller, factors: Mapping[str, Scalar]) -> Controller
             ) from None
         par = replace_at(
             par,
-            {
-                place: rebuild(
-                    numbers, iter([mul(leaf, factor) for leaf in leaves(numbers)])
-                )
-            },
+            {place: rebuild(numbers, [mul(leaf, factor) for leaf in leaves(numbers)])},
         )
     return replace(controller, par=par)
 

@@ -549,14 +549,14 @@ def perturb(record: Measurement, k: int) -> Measurement:
     """
     start = [float(leaf) for leaf in leaves(record)]
     if k == 0:
-        return rebuild(record, iter(start))
+        return rebuild(record, start)
     # a sine and no draw, so that the verdict on a law is the same at each trial; every
     # number moves by another amount, so that differences do not hide what is read
     moved = [
         x + 1e-3 * (1.0 + 0.01 * abs(x)) * math.sin(0.7 * i + 0.9 * k)
         for i, x in enumerate(start)
     ]
-    perturbed = rebuild(record, iter(moved))
+    perturbed = rebuild(record, moved)
     # four moved numbers are no attitude: laws count on unit length
     return replace(perturbed, quaternion=perturbed.quaternion.normalized())
 

@@ -57,16 +57,12 @@ def forward_dynamics(
     n, links = vehicle.n, vehicle.links
     bodies = members(vehicle, joints)
     places = [body.place for body in bodies]
-    rigid = [body.inertia for body in bodies]
     moving = motions(vehicle, places, rate, joint_rates)
+    # the base is the last, where its index of -1 finds it
+    rigid = [*(body.inertia for body in bodies), spatial_inertia(vehicle.base)]
+    rates = [*(motion.rate for motion in moving), rate]
     inertias = [body.as_articulated() for body in rigid]
-    biases = [
-        body.velocity_force(motion.rate)
-        for body, motion in zip(rigid, moving, strict=True)
-    ]
-    base = spatial_inertia(vehicle.base)
-    base_inertia = base.as_articulated()
-    base_bias = base.velocity_force(rate)
+    biases = [body.velocity_force(own) for body, own in zip(rigid, rates, strict=True)]
     U = [Force(ZERO3, ZERO3)] * n
     inverse_d: list[Scalar] = [0] * n
     u: list[Scalar] = [0] * n
@@ -85,14 +81,9 @@ def forward_dynamics(
             + reduced.apply(moving[i].products)
             + U[i] * mul(u[i], inverse_d[i])
         )
-        carried = reduced.into_parent(places[i].R, places[i].p)
-        force = bias.into_parent(places[i].R, places[i].p)
-        if links[i].parent == BASE:
-            base_inertia, base_bias = base_inertia + carried, base_bias + force
-        else:
-            inertias[links[i].parent] += carried
-            biases[links[i].parent] += force
-    base_acceleration = _solve_base(base_inertia, applied - base_bias)
+        inertias[links[i].parent] += reduced.into_parent(places[i].R, places[i].p)
+        biases[links[i].parent] += bias.into_parent(places[i].R, places[i].p)
+    base_acceleration = _solve_base(inertias[BASE], applied - biases[BASE])
     accelerations: list[Motion] = []
     joint_accelerations: list[Scalar] = []
     for i in range(n):

@@ -36,17 +36,13 @@ def mass_matrix(
         )
     bodies = members(vehicle, joints)
     places = [body.place for body in bodies]
-    composite = [body.inertia for body in bodies]
-    whole = spatial_inertia(vehicle.base)
+    # the base is the last, where its index of -1 finds it
+    composite = [*(body.inertia for body in bodies), spatial_inertia(vehicle.base)]
     # parents have smaller indices: a subtree is complete before it is carried inwards
     links = vehicle.links
     for i in reversed(range(vehicle.n)):
-        carried = composite[i].into_parent(places[i].R, places[i].p)
-        if links[i].parent == BASE:
-            whole = whole + carried
-        else:
-            composite[links[i].parent] += carried
-    M = _base_block(whole, R_WB, 6 + vehicle.n)
+        composite[links[i].parent] += composite[i].into_parent(places[i].R, places[i].p)
+    M = _base_block(composite[BASE], R_WB, 6 + vehicle.n)
     for i in range(vehicle.n):
         force = composite[i].apply(links[i].joint.motion_subspace)
         j = i

@@ -7,7 +7,7 @@ from skyarm.algebra.scalars import add, divide, mul
 from skyarm.dynamics.kinematics import Pose, link_poses, untie_followers
 from skyarm.dynamics.state import State
 from skyarm.records.immutable import positional
-from skyarm.vehicle import BASE, Body, Vehicle
+from skyarm.vehicle import Body, Vehicle
 
 
 @positional
@@ -41,8 +41,8 @@ def _body_motions(vehicle: Vehicle, state: State) -> list[_BodyMotion]:
     rates = [base.R.apply(state.rate)]
     origins = [state.velocity]
     for i, link in enumerate(vehicle.links):
-        # the base comes first, so that a link's index is one higher here
-        parent = 0 if link.parent == BASE else link.parent + 1
+        # the base comes first, so that an index is one higher here: its -1 is 0
+        parent = link.parent + 1
         R = poses[i + 1].R
         own = link.joint.motion_subspace
         rate = state.joint_rates[i]

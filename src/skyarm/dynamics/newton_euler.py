@@ -108,12 +108,13 @@ def inverse_dynamics(
     places = [body.place for body in bodies]
     moving = motions(vehicle, places, rate, joint_rates)
     inertia = spatial_inertia(vehicle.base)
-    total = inertia.apply(base) + inertia.velocity_force(rate)
     accelerations = _accelerations(vehicle, places, moving, base, joint_accelerations)
     forces = [
         body.inertia.apply(a) + body.inertia.velocity_force(motion.rate)
         for body, motion, a in zip(bodies, moving, accelerations, strict=True)
     ]
+    # the base is the last, where its index of -1 finds it
+    forces.append(inertia.apply(base) + inertia.velocity_force(rate))
     torques: list[Scalar] = [0] * vehicle.n
     # children have larger indices than their parents
     for i in reversed(range(vehicle.n)):
@@ -121,12 +122,8 @@ def inverse_dynamics(
         # the armature resists its joint, but moves no body of the tree
         own = mul(link.joint.armature, joint_accelerations[i])
         torques[i] = add(link.joint.motion_subspace.dot(forces[i]), own)
-        carried = forces[i].into_parent(places[i].R, places[i].p)
-        if link.parent == BASE:
-            total = total + carried
-        else:
-            forces[link.parent] += carried
-    return total, tuple(torques)
+        forces[link.parent] += forces[i].into_parent(places[i].R, places[i].p)
+    return forces[BASE], tuple(torques)
 
 
 def load_forces(

@@ -173,7 +173,7 @@ class EnvLanes:
         self._numbers = self._stepper.parameters[:varied]
         self.actions = self._stepper.parameters[varied:]
         self._carry = self._stepper.carry
-        now: Any = rebuild(self.program.first, iter(list(self._carry)))
+        now: Any = rebuild(self.program.first, list(self._carry))
         self.loop = now.loop
         self.state: State = now.loop.agent.state
         self._depths: dict[str, Any] = {
@@ -230,7 +230,7 @@ class EnvLanes:
         def present(some: Array) -> Present:
             numbers = zip(self.program.paths, self._numbers[:, some], strict=True)
             keys = self.seeds[some], self.episodes[some]
-            return rebuild(self.loop, iter(self._carry[:, some])), keys, dict(numbers)
+            return rebuild(self.loop, self._carry[:, some]), keys, dict(numbers)
 
         ticks = np.asarray(self.loop.ticks)[lanes].astype(int)
         newest = self._pictures.look(self.task.scenario, ticks, lanes, present)

@@ -278,7 +278,7 @@ class EnvProgram:
         values = iter(leaves(self._measurement))
         seen = dict(zip(self._kept, now.seen, strict=True))
         measurement = rebuild(
-            self._measurement, iter([seen.get(i, old) for i, old in enumerate(values)])
+            self._measurement, [seen.get(i, old) for i, old in enumerate(values)]
         )
         par = stages.scenario.agent.controller.par
         reference = stages.agent.law_reference(row)

@@ -200,7 +200,7 @@ class JaxEnvironment:
 
     def plant_state(self, state: JaxState) -> State:
         """True vehicle state of a JAX environment, for analysis."""
-        return rebuild(self._program.first, iter(state.carry)).loop.agent.state
+        return rebuild(self._program.first, state.carry).loop.agent.state
 
     def _numbers(self, params: Params) -> tuple[Array, ...]:
         """Check the adjustable parameters of a JAX environment and return them as a

@@ -183,7 +183,7 @@ class Environment(gymnasium.Env[Array, Array]):
             self._pictures.begin(self.lanes.lane_scenario(0))
             self._drawn = True
         loop = self.lanes.loop
-        now = rebuild(loop, iter([float(leaf[0]) for leaf in leaves(loop)]))
+        now = rebuild(loop, [float(leaf[0]) for leaf in leaves(loop)])
         return self._pictures.draw(now)
 
     def close(self) -> None:

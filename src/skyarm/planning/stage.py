@@ -662,7 +662,7 @@ class CompiledStage:
             direction = [*dx[:3], *turned, *dx[6:]]
             X = [Taylor(pair) for pair in zip(x, direction, strict=True)]
             U = [Taylor(pair) for pair in zip(u, du, strict=True)]
-            fixed = rebuild(given, iter([as_series(a, 1) for a in leaves(given)]))
+            fixed = rebuild(given, [as_series(a, 1) for a in leaves(given)])
             after = [as_series(a, 1) for a in following]
             return carry, tuple(
                 data(o.c[1]) if isinstance(o, Taylor) else 0.0

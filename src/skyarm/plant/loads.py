@@ -45,7 +45,7 @@ as if the joint were fixed."""
 
 def rigid_loads(around: Surroundings) -> list[tuple[TimedPayload, PayloadMemory]]:
     """Rigid payloads of the scenario, each with its internal state."""
-    return [*filter(_is_rigid, around.models)]
+    return [pair for pair in around.models if _is_rigid(pair)]
 
 
 def _is_rigid(

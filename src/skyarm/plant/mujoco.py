@@ -52,7 +52,7 @@ from skyarm.plant.mujoco_stages import StagedRungeKutta
 from skyarm.plant.mujoco_welds import Welds, closed_contacts
 from skyarm.plant.surroundings import Surroundings, Together, coupled_places, several
 from skyarm.records.arrays import Array, field_views
-from skyarm.records.leaves import as_data, leaves
+from skyarm.records.leaves import Tree, as_data, leaves
 from skyarm.vehicle import BASE, Vehicle
 from skyarm.vehicle.vehicle_records import require_plant
 
@@ -222,14 +222,14 @@ class MujocoPlant:
         self._bases = self._views_of_bases(prefixes)
         commands = tuple(example_command(*each.sizes) for each in vehicles)
         x = tuple((0.0,) * size for size in (layout.nq, layout.nv, layout.driven))
-        given = (*x, commands, around, physics_step)
-        self._loads = loads = Quick(self._forces_and_speeds, *given)
+        given: tuple[Tree, ...] = (*x, commands, around, physics_step)
+        self._loads = program = Quick(self._forces_and_speeds, *given)
         # views of the program's inputs and outputs, which a step reads and writes
         *self._parts, self._commanded, self._around, _ = field_views(
-            given, loads.inputs
+            given, program.inputs
         )[0].values()
         self._pushed, self._turned, self._remembered, self._held = field_views(
-            loads.result, loads.outputs
+            program.result, program.outputs
         )[0].values()
         self._coupled = [*coupled_places(around)]
         self._written = NOTHING
@@ -285,8 +285,12 @@ class MujocoPlant:
         around: Together,
         dt: Scalar,
     ) -> tuple[Scalars, Scalars, Scalars, Scalars]:
-        """Generalised forces for MuJoCo, rotor and tilt states and those of contacts
-        after an integration step of ``dt`` (s), and added armature.
+        """Generalised forces for MuJoCo, and what an integration step of ``dt`` (s)
+        changes besides.
+
+        Returns:
+            Forces; rotor and tilt states, then contact states, after the step; armature
+            that the step adds to joints.
         """
         states = self._layout.states((*qpos, *qvel, *speeds))
         if self._euler:
@@ -308,8 +312,9 @@ class MujocoPlant:
             for world, state in zip(worlds, states, strict=True):
                 frictions += held_frictions(world.vehicle, state, dt)
         remembered = leaves(around.after_euler_step(slopes, dt))
-        parts = forces, driven, remembered, frictions
-        return as_data(tuple(map(tuple, parts)))
+        return as_data(
+            (tuple(forces), tuple(driven), tuple(remembered), tuple(frictions))
+        )
 
     def advance(
         self, state: Flat, command: Flat, around: Flat, seconds: float

@@ -187,8 +187,9 @@ def named_parts(record: object, where: str) -> Iterator[tuple[str, object]]:
 
 
 def rebuild(template: Record, values: Iterable[object]) -> Record:
-    """Copy of a nested dataclass with its scalars replaced, in order, by given values;
-    of an iterator the further ones are left.
+    """Copy of a nested dataclass with its scalars replaced, in order, by given values.
+
+    An iterator is left at the first value that is not needed.
     """
     values = iter(values)
     made: Any = template
@@ -279,4 +280,4 @@ def blend(condition: Scalar, new: Record, old: Record) -> Record:
     values = [
         where(condition, a, b) for a, b in zip(leaves(new), leaves(old), strict=True)
     ]
-    return rebuild(old, iter(values))
+    return rebuild(old, values)

@@ -373,12 +373,9 @@ def sensors_suffice(scenario: Scenario) -> None:
             raise ValueError(f"{where}: the name is taken")
         sensors[each.name] = each.sensor
         rate = number(each.sensor.frequency, f"{where}.frequency", low=0.0)
-        if (
-            rate
-            # a whole number but for rounding
-            and abs(rates.control / rate - round(rates.control / rate))
-            > 1e-9 * rates.control / rate
-        ):
+        ratio = rates.control / rate if rate else 1.0
+        # a whole number but for rounding
+        if abs(ratio - round(ratio)) > 1e-9 * ratio:
             raise ValueError(
                 f"{where}.frequency = {rate:g}: must divide rates.control ="
                 f" {rates.control} Hz"

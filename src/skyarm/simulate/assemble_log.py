@@ -265,9 +265,6 @@ def _tables(piece: AgentPiece) -> dict[str, Array]:
     state = state_arrays(
         vehicle, inputs.times[start:stop].copy(), flown.states, flown.commands
     )
-    position, quaternion, joints = (
-        state[name] for name in ("position", "quaternion", "joints")
-    )
     sampled, free, path_time, late = _references(inputs, flown, start, stop)
     tables = {
         f"{name}_held": table(getattr(sampled, name), late)
@@ -306,7 +303,7 @@ def _tables(piece: AgentPiece) -> dict[str, Array]:
         tables[f"tool_{kind}"] = own[kind] if own else level_tip(vehicle, *goals)
     return {
         **state,
-        "tool": tip(vehicle, position, quaternion, joints),
+        "tool": tip(vehicle, state["position"], state["quaternion"], state["joints"]),
         **tables,
     }
 
@@ -325,15 +322,10 @@ def sensor_data(piece: AgentPiece) -> tuple[dict[str, Array], dict[str, Any]]:
     described: dict[str, Any] = {}
 
     def keep(source: str, record: Tree, **clock: Any) -> None:
-        fields = {
-            name: (field, array) for name, field, array in fields_of(record, count)
-        }
-        arrays.update(
-            {f"{source}.{name}": array for name, (_, array) in fields.items()}
-        )
-        described[source] = Source(
-            {name: field for name, (field, _) in fields.items()}, **clock
-        ).plain
+        rows = [*fields_of(record, count)]
+        arrays.update({f"{source}.{name}": array for name, _, array in rows})
+        fields = {name: field for name, field, _ in rows}
+        described[source] = Source(fields, **clock).plain
 
     columns = [
         Column(*column) for each in scenario.components for column in each.columns
@@ -424,7 +416,7 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
     ]
     # the order of a log's info is that of its file
     opening = ("schema", "scenario", "title", "plant", "integrator")
-    closing = ("scenario_record", "digest")
+    closing = {name: whole.pop(name) for name in ("scenario_record", "digest")}
     info = {
         **{name: whole[name] for name in opening},
         "plant_vehicle": own.vehicle.name,
@@ -432,7 +424,7 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
         "model_vehicle": own.model.vehicle.name,
         "model_gravity": float(own.model.gravity),
         "controller": own.controller.name,
-        **{name: whole[name] for name in whole if name not in closing},
+        **whole,
     }
     if own.reference.phases:
         info["phases"] = [phase.name for phase in own.reference.phases]
@@ -441,7 +433,7 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
     # the scenario of the record flies alone
     if others:
         info["others"] = [*others]
-    return info | {name: whole[name] for name in closing}
+    return info | closing
 
 
 def describe_team(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:

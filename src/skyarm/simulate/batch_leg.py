@@ -142,7 +142,7 @@ class AgentFeed:
             scenario.agent.reference.guards
             or any(path.startswith("reference.") for path in paths)
         ):
-            self.row = inputs.fed
+            self.row = inputs.columns
             self.goals = tuple(
                 self._goal_table(record)
                 for record in (inputs.held_reference, inputs.reference)

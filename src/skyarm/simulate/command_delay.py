@@ -8,7 +8,7 @@ import dataclasses
 from collections.abc import Sequence
 from itertools import accumulate
 from operator import le
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.scalars import add, floor, maximum, minimum, same
@@ -280,12 +280,16 @@ def numbers_of_command(command: Command, taken: CommandRange) -> tuple[float, ..
         )
     if tilts and not command.tilts:
         command = dataclasses.replace(command, tilts=(0.0,) * tilts)
-    numbers = (*command.rotor_speeds, *command.efforts, *command.tilts)
-    floats = tuple(number for number in numbers if type(number) is float)
+    numbers: tuple[Any, ...] = (
+        *command.rotor_speeds,
+        *command.efforts,
+        *command.tilts,
+    )
     # the check of each number by type is fast; conversion is for the odd call
-    floats = floats if len(floats) == len(numbers) else _plain_numbers(command)
-    taken.require(floats, "command.rotor_speeds")
-    return floats
+    if not set(map(type, numbers)) <= {float}:
+        numbers = _plain_numbers(command)
+    taken.require(numbers, "command.rotor_speeds")
+    return numbers
 
 
 def rotor_numbers(

@@ -575,8 +575,7 @@ class Engine:
             )
             # the state first, as in the loop: a command that is not finite may follow
             # from it
-            place = [float(c) for c in goal]
-            ending = find_ending(one, time, leaves(own.state), place, own.images)
+            ending = find_ending(one, time, leaves(own.state), [*goal], own.images)
             ending = ending or failed_phase(one, time, own.clock)
             if ending is not None:
                 return self._with_name(name, ending)

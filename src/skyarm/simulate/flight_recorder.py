@@ -39,23 +39,21 @@ class FlightRecorder:
         views of the log if not kept.
         """
         rows = self.table[start - self.first : stop - self.first]
-        samples = list[LoggedSamples]()
         rows = rows.copy() if kept else rows
         # columns in place of numbers: each field becomes an array over time
         columns = rebuild(self._sample, rows.T)
-        for own, span in zip(columns.agents, self._spans, strict=True):
-            samples.append(
-                LoggedSamples(
-                    states=rows[:, span["state"]],
-                    commands=rows[:, span["command"]],
-                    measurement=own.measurement,
-                    readings=own.readings,
-                    wind=own.wind,
-                    found=rows[:, span["found"]],
-                    led=rows[:, span["led"]],
-                )
+        return tuple(
+            LoggedSamples(
+                states=rows[:, span["state"]],
+                commands=rows[:, span["command"]],
+                measurement=own.measurement,
+                readings=own.readings,
+                wind=own.wind,
+                found=rows[:, span["found"]],
+                led=rows[:, span["led"]],
             )
-        return tuple(samples)
+            for own, span in zip(columns.agents, self._spans, strict=True)
+        )
 
     @cached_property
     def reading_columns(self) -> dict[str, slice]:

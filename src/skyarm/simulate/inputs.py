@@ -68,9 +68,10 @@ class EpisodeInputs:
         return table_of(self.held_reference, len(self.ticks))
 
     @cached_property
-    def fed(self) -> GivenRow:
-        """Closed-loop inputs at the control instants, as a record of arrays: time, held
-        and time-scaled reference; the time alone where phases wait.
+    def columns(self) -> GivenRow:
+        """Closed-loop inputs at the control instants, as a record of arrays.
+
+        Time, held reference and time-scaled one; the time alone where phases wait.
         """
         if self.waits.guards:
             return InputRow(time=self.times, reference=())
@@ -84,7 +85,7 @@ class EpisodeInputs:
     @cached_property
     def rows(self) -> Array:
         """Table of closed-loop inputs, one row per control instant."""
-        return table_of(self.fed, len(self.ticks))
+        return table_of(self.columns, len(self.ticks))
 
     @cached_property
     def scaled_reference(self) -> Reference | tuple[()]:
@@ -118,7 +119,7 @@ class EpisodeInputs:
         """Closed-loop inputs at one control instant with zeros as numbers, from which a
         program is traced.
         """
-        return structure_of(self.fed)
+        return structure_of(self.columns)
 
     @cached_property
     def waits(self) -> Waits:
@@ -188,6 +189,13 @@ class EpisodeInputs:
                 path_time=path_time,
             )
         return cast("InputRow[Reference]", rebuild(self.row_example, numbers))
+
+    @cached_property
+    def reference_example(self) -> Reference:
+        """Reference at one instant with zeros as numbers, from which a program is
+        traced.
+        """
+        return structure_of(self.held_reference)
 
 
 class FlightInputs:

@@ -35,6 +35,11 @@ class SensorState:
     waiting: tuple[Tree, ...]
 
 
+Shift = tuple[Vec3, Scalar] | tuple[()]
+"""Offset (m) of a reference and the path time, in control periods, at which it began;
+() where no phase may end early."""
+
+
 @immutable
 class PathClock:
     """State of the clock of a reference that waits for conditions (guards); times are
@@ -46,9 +51,8 @@ class PathClock:
             for which it has been met.
         origin: tip position at the start of the phase, m, world axes. failed: 1 once a
             mandatory phase has failed.
-        offset: offset of the reference after a phase that ended early, m. since: path
-            time at which the offset began.
-        held_offset, held_since: offset and its beginning for the held sample.
+        shift: offset of the reference after a phase that ended early, m, and the path
+            time at which it began. held_shift: that of the held sample.
     """
 
     place: Scalar
@@ -58,10 +62,8 @@ class PathClock:
     reached: Scalar
     origin: Vec3 | tuple[()]
     failed: Scalar
-    offset: Vec3 | tuple[()]
-    since: Scalar | tuple[()]
-    held_offset: Vec3 | tuple[()]
-    held_since: Scalar | tuple[()]
+    shift: Shift
+    held_shift: Shift
 
 
 Clock = PathClock | tuple[()]

@@ -48,6 +48,7 @@ from skyarm.simulate.loop_state import (
     InputRow,
     LoopState,
     PathClock,
+    Shift,
 )
 from skyarm.simulate.tip_and_goal import goal_of, tip_at
 
@@ -167,6 +168,7 @@ class Waits:
         """Initial state of the reference clock; () for a task without guards."""
         if not self.guards:
             return ()
+        still: Shift = (ZERO3_DATA, 0.0) if self._moves else ()
         return PathClock(
             place=0.0,
             held=0.0,
@@ -175,10 +177,8 @@ class Waits:
             reached=0.0,
             origin=ZERO3_DATA if self._measures else (),
             failed=0.0,
-            offset=ZERO3_DATA if self._moves else (),
-            since=0.0 if self._moves else (),
-            held_offset=ZERO3_DATA if self._moves else (),
-            held_since=0.0 if self._moves else (),
+            shift=still,
+            held_shift=still,
         )
 
     def begun_at(self, ticks: Scalar) -> Clock:
@@ -247,12 +247,8 @@ class Waits:
         """
         fresh = due(ticks, self._ratio)
         sampled = where(fresh, clock.place, clock.held)
-        if not self._moves:
-            return replace(clock, held=sampled)
-        offset, since = blend(
-            fresh, (clock.offset, clock.since), (clock.held_offset, clock.held_since)
-        )
-        return replace(clock, held=sampled, held_offset=offset, held_since=since)
+        shift = blend(fresh, clock.shift, clock.held_shift)
+        return replace(clock, held=sampled, held_shift=shift)
 
     def times(self, clock: PathClock, ticks: Scalar) -> Scalars:
         """Path times (s) and position offsets (m) of the current reference and of its
@@ -262,9 +258,7 @@ class Waits:
         those of the sample.
         """
         sample = self._hold_sample(clock, ticks)
-        offsets = leaves(
-            (clock.offset, clock.since, sample.held_offset, sample.held_since)
-        )
+        offsets = leaves((clock.shift, sample.held_shift))
         return self.path_time(clock), sample.held / self._rate, *offsets
 
     def instants(self, times: Sequence[Scalar]) -> tuple[Instant, Instant]:
@@ -412,16 +406,11 @@ class Waits:
         number = where(passed, n + 1.0, n)
         # an early end skips what is left of the phase, by the jump of the offset below
         gone = where(passed, where(there, clock.place, now.end), clock.place) + 1.0
-        offset = clock.offset
-        since = clock.since
+        shift = clock.shift
         # the reference keeps its position when the rest of a phase is skipped
         if self._moves:
-            position = self.reference(
-                self.path_time(clock), leaves((offset, since))
-            ).position
-            offset, since = blend(
-                enough, (position - Vec3(*now.stop), now.end), (offset, since)
-            )
+            position = self.reference(self.path_time(clock), leaves(shift)).position
+            shift = blend(enough, (position - Vec3(*now.stop), now.end), shift)
         return replace(
             self._hold_sample(clock, ticks),
             # the clock stands still at the end of the next phase that waits
@@ -431,8 +420,7 @@ class Waits:
             reached=where(passed, 0.0, reached),
             origin=blend(passed, seen.tip, origin) if self._measures else origin,
             failed=where(failed, 1.0, clock.failed),
-            offset=offset,
-            since=since,
+            shift=shift,
         )
 
     def _holds(

@@ -624,7 +624,7 @@ class AgentStages:
         """
         going = alive > 0.5
         # NaN compares false, so that this one comparison refuses it as it does infinity
-        for value in (*command.rotor_speeds, *command.efforts, *command.tilts):
+        for value in leaves(command):
             going = logical_and(going, absolute(value) < float("inf"))
         # the log has what the law computed, motors do what they can
         rotors = self.scenario.agent.vehicle.rotors
@@ -644,7 +644,7 @@ class AgentStages:
             before,
             acting,
             # of two delays that of the joints; drives turn no rotors
-            self.late if self.apart is None else self.apart[1][1],
+            self.arrival[-1],
             state,
             self.period,
         )

@@ -262,6 +262,7 @@ class SharedSteps:
             begun = perf_counter()
             self._machine.call(arguments)
             taken = perf_counter() - begun
+            # doubled, such a slice takes half of SLICE at most
             if taken < SLICE / 4.0:
                 length *= 2
             elif taken > SLICE:

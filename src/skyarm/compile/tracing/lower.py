@@ -30,7 +30,7 @@ def lower(
     target = Graph(loops=True)
     made = {node.index: target.input(node.value) for node in inputs}
 
-    def lowered(node: Node, args: list[Node]) -> Node:
+    def lower_node(node: Node, args: list[Node]) -> Node:
         if node.op == "const":
             return target.constant(node.value)
         if node.op in COMPOSED:
@@ -67,7 +67,7 @@ def lower(
     for node in nodes:
         if node.op != "input":
             args = [made[arg.index] for arg in node.args]
-            made[node.index] = lowered(node, args)
+            made[node.index] = lower_node(node, args)
     results = tuple(made[node.index] for node in outputs)
     target.close()
     return Lowered(

@@ -49,7 +49,7 @@ def posture(vehicle: Vehicle, joints: Sequence[Taylor], order: int) -> Posture:
     # every number a series: an engine's scalar on the left of a product would not know
     # what a series is
     lifted = rebuild(
-        vehicle, iter([Taylor.constant(number, order) for number in leaves(vehicle)])
+        vehicle, [Taylor.constant(number, order) for number in leaves(vehicle)]
     )
     poses = tuple(link_poses(lifted, [q.truncate(order) for q in joints], summed=True))
 

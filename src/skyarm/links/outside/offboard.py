@@ -608,7 +608,7 @@ class OffboardFlight:
 
     def _reference(self, tick: int) -> Reference:
         last = min(tick, self._steps - 1)
-        going = rebuild(self._example, iter(self._rows[last].tolist()))
+        going = rebuild(self._example, self._rows[last].tolist())
         return joined_reference(self._scenario, going, last / self._rate)
 
     def _hand_back(self) -> None:

@@ -333,7 +333,7 @@ class OutsideLaw:
             period.step()
             memory[:] = period.outputs[: len(first)]
             # the memory stays flat: as a record it takes longer than many a law
-            return rebuild(shape, iter(period.outputs[len(first) :].tolist()))
+            return rebuild(shape, period.outputs[len(first) :].tolist())
 
         self._begin = begin
         return step

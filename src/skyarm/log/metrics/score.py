@@ -102,13 +102,11 @@ def _score_of_agent(
         instants = _instants(rows_of(log, rows), whole=True)
         columns = [doubles(leaf) for leaf in leaves(instants)]
         columns += [masks[name][rows].astype(float) for name in used]
-        example = rebuild(instants, iter([0.0] * len(leaves(instants))))
+        example = rebuild(instants, [0.0] * len(leaves(instants)))
         count_on = make(tuple(counted), used, totals, example)
         memory = count_on(memory, np.stack(columns, axis=1)[begin - rows.start :])
     last = dict(
-        zip(
-            counted, rebuild(totals, iter([np.array([x]) for x in memory])), strict=True
-        )
+        zip(counted, rebuild(totals, [np.array([x]) for x in memory]), strict=True)
     )
     count = {name: np.array([int(mask.sum())]) for name, mask in masks.items()}
     period = 1.0 / float(log.info["rates_hz"]["control"])
@@ -189,7 +187,7 @@ def over_log(log: Log, name: str) -> Array:
     instants = _instants(log)
     columns = leaves(instants)
     program = trace(
-        lambda now: quantity(name, now), rebuild(instants, iter([0.0] * len(columns)))
+        lambda now: quantity(name, now), rebuild(instants, [0.0] * len(columns))
     )
     row: Array = evaluate(program, columns, log.time.size)[0]
     return row
@@ -253,7 +251,7 @@ def _limits(log: Log) -> ActuatorLimits | None:
         return None
     limits = ActuatorLimits.of(vehicle, _setpoints(log))
     return rebuild(
-        limits, iter([np.full(log.time.size, float(limit)) for limit in leaves(limits)])
+        limits, [np.full(log.time.size, float(limit)) for limit in leaves(limits)]
     )
 
 

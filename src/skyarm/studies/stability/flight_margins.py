@@ -370,9 +370,7 @@ class SettledHover:
         # sets of gains that diverge overflow, and count as no hover
         with np.errstate(all="ignore"):
             carry, _ = self._leg.fly(carry, parameters, 0, np.arange(count), threads)
-        settled = [
-            rebuild(self._leg.first, iter(column.tolist()))[0] for column in carry.T
-        ]
+        settled = [rebuild(self._leg.first, column.tolist())[0] for column in carry.T]
         return [each if _is_hover(each) else None for each in settled]
 
     def open_loop(

@@ -190,14 +190,14 @@ def runge_kutta_step(
     end = euler_step(state, rebuild(k1, mean), dt)
     # a sum of quaternions is off unit length by the step's error
     values = [*end.position, *end.quaternion.normalized(), *leaves(end)[7:]]
-    return rebuild(state, iter(values))
+    return rebuild(state, values)
 
 
 def euler_step(state: State, rate: State, dt: Scalar) -> State:
     """State plus ``dt`` times its time derivative, component by component."""
     return rebuild(
         state,
-        iter([x + dt * dx for x, dx in zip(leaves(state), leaves(rate), strict=True)]),
+        [x + dt * dx for x, dx in zip(leaves(state), leaves(rate), strict=True)],
     )
 
 

@@ -68,7 +68,7 @@ class Compiled(Generic[Result]):
         of floats.
         """
         shape: Result = self.kernel.loop.result[1]
-        return rebuild(shape, iter(self(*parts).tolist()))
+        return rebuild(shape, self(*parts).tolist())
 
 
 NUDGE = 1e-5
