@@ -236,9 +236,7 @@ def test_the_own_motion_is_one_kind_of_four_from_the_first_round_to_the_finalist
     )
     asked = np.zeros((5 * effort.population, len(knobs)))
 
-    flies = Tuner(
-        plan, draw_plants(flight, 8, seed=0, mixed=True), WorkRunner(), lambda *_: None
-    )
+    flies = Tuner(plan, WorkRunner(), lambda *_: None)
     first = [
         flies.judge(0, asked, 4),
         flies.judge(1, asked, 8),

@@ -11,9 +11,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from skyarm.algebra import ZERO3, Quaternion, Vec3
-from skyarm.dynamics.point_motion import PointMotion
-from skyarm.dynamics.state import State
+from skyarm.algebra import Vec3
+from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.arrays import Array, Mask, doubles, stack_values
 from skyarm.records.immutable import positional
 from skyarm.reference.path_time import governed_reference
@@ -165,14 +164,7 @@ def _along(scenario: Scenario, frame: str, time: Array) -> Array:
     """
     reference = reference_at(scenario, time)
     vehicle = scenario.agent.vehicle
-    half = 0.5 * doubles(reference.yaw)
-    state = State(
-        position=reference.position,
-        quaternion=Quaternion(np.cos(half), 0.0, 0.0, np.sin(half)),
-        velocity=ZERO3,
-        rate=ZERO3,
-        joints=tuple(reference.joints),
-        joint_rates=vehicle.zeros,
+    at = frame_pose(vehicle, vehicle.frame(frame or None), reference.joints).p
+    return stack_values(
+        len(time), reference.position + at.about_z(doubles(reference.yaw))
     )
-    motion = PointMotion(vehicle, state)
-    return stack_values(len(time), motion.position(*motion.frame(frame or None)))

@@ -172,16 +172,18 @@ class Tuner:
     validation.
 
     Args:
-        plan: plan of the tuning. plants: plants of the search.
-        runner: flies them; results do not depend on it. progress: called after every
-            round.
+        plan: plan of the tuning. runner: flies candidates; results do not depend on it.
+        progress: called after every round.
+
+    Attributes:
+        plants: plants of the search.
     """
 
     def __init__(
-        self, plan: TuningPlan, plants: Plants, runner: WorkRunner, progress: Progress
+        self, plan: TuningPlan, runner: WorkRunner, progress: Progress
     ) -> None:
         self._plan, self._runner = plan, runner
-        self._plants = with_own(plants) if plan.own else plants
+        self.plants = self._drawn(plan.effort.plants, plan.seed)
         self._progress = progress
         self._done = 0
         self._first: tuple[Array, Scores] | None = None
@@ -203,7 +205,7 @@ class Tuner:
         return plan.subject.flights(
             plan.flight,
             plan.knobs,
-            self._plants,
+            self.plants,
             self._runner,
             own=plan.own,
             seed=plan.seed,
@@ -246,10 +248,10 @@ class Tuner:
         leaders = list(
             dict.fromkeys(int(first_scores.cost(weight).argmin()) for weight in WEIGHTS)
         )
-        pool = self._drawn(self._stages.pool * self._plants.count, self._plan.seed)
+        pool = self._drawn(self._stages.pool * self.plants.count, self._plan.seed)
         return with_lost(
             pool,
-            self._plants.count,
+            self.plants.count,
             self._flights.fly("pool", asked[leaders], others=pool).lost,
         )
 
@@ -540,8 +542,7 @@ def _tune(plan: TuningPlan, runner: WorkRunner, progress: Progress) -> Tuning:
         own=subject.under(plan.own, centre) if plan.own else None,
         knobs=start.knobs,
     )
-    plants = subject.draw(plan.flight, plan.effort.plants, seed=plan.seed, mixed=True)
-    tuner = Tuner(plan, plants, runner, progress)
+    tuner = Tuner(plan, runner, progress)
     logs, rounds = search(
         plan.knobs, plan.effort, tuner.judge, seed=plan.seed, starts=start.rows
     )
@@ -566,6 +567,6 @@ def _tune(plan: TuningPlan, runner: WorkRunner, progress: Progress) -> Tuning:
         points=tuple(front),
         picked=picked,
         required=required,
-        plants=plants,
+        plants=tuner.plants,
         aside=aside,
     )
