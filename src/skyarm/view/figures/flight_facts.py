@@ -247,8 +247,8 @@ def parts_of_others(log: Log) -> frozenset[str]:
         return frozenset()
     world = scenario.world
     own = ("", *scenario.agents)
-    parts = (*world.points, *world.grippers)
-    names = [each.name for each in parts if each.agent not in own]
+    names = [each.name for each in world.points if each.agent not in own]
+    names += [each.name for each in world.grippers if each.agent not in own]
     grasps = [each for each in world.grasps if each.agent not in own]
     return frozenset(
         [*names, *(each.label for each in grasps), *(each.agent for each in grasps)]
