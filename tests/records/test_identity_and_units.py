@@ -36,7 +36,7 @@ def test_identity_is_of_all_numbers_and_of_no_title() -> None:
 
 
 def test_programs_that_a_function_captures_are_written_by_their_type() -> None:
-    """They have more paths than can be written; and a variable may have no value yet."""
+    """They have more paths than can be written. A variable may have no value yet."""
     captured = Graph()
 
     def policy() -> object:
