@@ -100,7 +100,7 @@ def read_betaflight(path: Path, columns: Columns | None) -> FlightData:
                 strict=True,
             )
         )
-        own = {} if columns is None else columns.signals
+        own = (columns or Columns()).signals
         usual = {
             name: (each,) for name, each in _sources(rows, head, own, notes).items()
         }

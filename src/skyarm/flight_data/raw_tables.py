@@ -550,6 +550,7 @@ def alike_outputs(
     least, most = ([end(each) for each in sent] for end in (np.nanmin, np.nanmax))
     # an output that never moves drives no rotor, so the least is below the most
     moves = [a == least[0] < b for a, b in zip(least, most, strict=True)]
+    # those before the first that does not
     alike = names[: [*moves, False].index(False)]
     if len(alike) in COUNTS:
         notes.append(

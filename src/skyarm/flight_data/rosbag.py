@@ -163,7 +163,7 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
     if path.is_dir() and not (path / METADATA).is_file():
         raise ValueError(f"folder: must be a bag of ROS 2, with {METADATA}")
     notes: list[str] = []
-    own = {} if columns is None else columns.signals
+    own = (columns or Columns()).signals
     kinds, rows, mounts = _decode(
         path, {signal.topic for signal in own.values()}, notes
     )

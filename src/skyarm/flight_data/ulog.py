@@ -128,7 +128,7 @@ def read_ulog(path: Path, columns: Columns | None) -> FlightData:
     if PLACES in tables:
         tables[PLACES] = valid_rows(PLACES, tables[PLACES], notes)
     usual: dict[str, Sequence[QuantitySource]] = dict(usual_signals(SOURCES["px4"]))
-    own = {} if columns is None else columns.signals
+    own = (columns or Columns()).signals
     count = _number_of_rotors(parameters)
     if "rotor_commands" not in own:
         usual["rotor_commands"] = _rotor_commands(tables, parameters, count, notes)

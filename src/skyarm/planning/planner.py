@@ -1067,9 +1067,7 @@ def states_at(plan: Plan, t: Array) -> Array:
 
 
 def _rank(solution: Solution) -> tuple[bool, float]:
-    """Sorting key of solutions, the best first: feasible ones by their costs, then the
-    others by their violations.
-    """
+    """Sorting key of solutions: feasible ones by cost, then the others by violation."""
     feasible = solution.violation < TOLERANCE
     return not feasible, solution.cost if feasible else solution.violation
 

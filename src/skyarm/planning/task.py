@@ -429,8 +429,12 @@ def _check_phase(
             " rest"
         )
     # phases other than free motions are stated by where the tip is
-    of_tip = (goal.tip, goal.tip_velocity, goal.tip_axis)
-    needs_tip = phase.kind != "go" or any(each is not None for each in of_tip)
+    needs_tip = (
+        phase.kind != "go"
+        or goal.tip is not None
+        or goal.tip_velocity is not None
+        or goal.tip_axis is not None
+    )
     if needs_tip and not vehicle.end_effector:
         raise TaskError(
             f"{at}: needs a vehicle with a tip; {vehicle.name!r} has none"

@@ -51,7 +51,9 @@ def turn_towards(
     par: Parameters, measurement: Measurement, reference: Reference, R: Mat3, up: Vec3
 ) -> Vec3:
     """Angular acceleration (rad/s^2, base axes) that turns body z towards ``up`` and
-    the nose to the desired yaw: (83) to (85) of Barakou et al. 2026.
+    the nose to the desired yaw.
+
+    Source: eq. (83) to (85) of Barakou et al. 2026.
     """
     R_d = desired_attitude(-up, reference.yaw, R)
     e_w = rate_error(measurement.rate, R, R_d, reference.yaw_rate, par.rate_error)

@@ -618,8 +618,9 @@ def filter_pose(
     started: Scalar,
     dt: Scalar,
 ) -> Observed:
-    """Observer state with base pose and joint positions of now, predicted from the
-    estimated velocities and then corrected by the measured ones.
+    """Observer state with the base pose and joint positions of now, filtered.
+
+    They are predicted from the estimated velocities and corrected by the measurement.
     """
     share = low_pass_share(bandwidth, dt)
     flags = (

@@ -192,8 +192,9 @@ def with_side(
     rate: Vec3,
     sideways: bool = False,
 ) -> Disturbance:
-    """Disturbance plus the rotor force and torque that the mixer omits: hub drag in
-    still air, rolling moment, thrust across body z.
+    """Disturbance plus the rotor force and torque that the mixer omits.
+
+    These are hub drag in still air, the rolling moment, and thrust across body z.
     """
     drag = drag_wrench(model.vehicle, speeds, R.apply_T(velocity), rate)
     side = drag + omitted_thrust(model, speeds, sideways)

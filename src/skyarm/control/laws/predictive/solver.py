@@ -34,7 +34,7 @@ from skyarm.control.laws.predictive.prediction import StageInputs
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.state import example_state
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, Mask
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree, leaves, rebuild
 
@@ -373,7 +373,7 @@ class Policy:
 
 def policy(
     problem: Linear,
-    held: Array | None = None,
+    held: Mask | None = None,
     at: Array | None = None,
     *,
     damping: float = 0.0,

@@ -199,7 +199,7 @@ def kim_sliding_mode(
     unchanged = all_follow(memory.applied)
     free = logical_and(rotors_follow(par.mixer, squares), unchanged)
 
-    def adapted(
+    def adapt(
         deltas: Iterable[Scalar],
         sliding: Iterable[Scalar],
         group: int,
@@ -217,9 +217,9 @@ def kim_sliding_mode(
     ]
     return (
         SlidingMemory(
-            position=Vec3(*adapted(memory.position, s_p, 0, (free,) * 3)),
-            attitude=Vec3(*adapted(memory.attitude, s_R, 1, (free,) * 3)),
-            joints=adapted(memory.joints, s_q, 2, follow),
+            position=Vec3(*adapt(memory.position, s_p, 0, (free,) * 3)),
+            attitude=Vec3(*adapt(memory.attitude, s_R, 1, (free,) * 3)),
+            joints=adapt(memory.joints, s_q, 2, follow),
             sent=command,
             applied=all_applied(len(follow)),
         ),
