@@ -243,6 +243,7 @@ class EnvLanes:
         pictures.
         """
         every = {"state": self.observation.T, **self.pictures}
+        # order C, as a copy of a transposed array keeps its columns together
         seen = {
             name: each[lanes].copy(order="C") if copy else each[lanes]
             for name, each in every.items()
