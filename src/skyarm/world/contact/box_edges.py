@@ -53,7 +53,7 @@ SLANT = 0.05
 """Sine of the smallest angle between two edges whose common normal may separate the
 boxes: edges that are nearly parallel have none to speak of.
 
-Chosen. Half of it changes no drawn pose, twice of it 1 of 1500, by 0.03 mm (measured)."""
+Chosen. Half of it changes no drawn pose, twice 1 of 1500, by 0.03 mm (measured)."""
 
 ROOM = 0.05
 """Length (m) that multiplies a sine in the depth of tilted edges."""
