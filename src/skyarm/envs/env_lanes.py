@@ -243,7 +243,8 @@ class EnvLanes:
         pictures.
         """
         every = {"state": self.observation.T, **self.pictures}
-        # order C, as a copy of a transposed array keeps its columns together
+        # the numbers of a lane together, which lie apart in the transposed array; a copy
+        # by this method is so by default, too
         seen = {
             name: each[lanes].copy(order="C") if copy else each[lanes]
             for name, each in every.items()

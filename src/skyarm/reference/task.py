@@ -51,8 +51,8 @@ SWITCHES = ("closed", "open")
 ASKED = (*NUMBERS, *SWITCHES)
 
 NOWHERE = 1e-6
-"""Length of a vector below which its direction is undefined; chosen: a direction is
-written with components near 1, and one of 1e-6 or 1e6 is a slip of units."""
+"""Length of a vector below which its direction is undefined, as above its inverse;
+chosen, both far from those that are written."""
 
 
 def guard_from(

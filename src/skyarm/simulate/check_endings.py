@@ -29,7 +29,8 @@ from skyarm.simulate.pictures import Images, images_of
 
 SLACK = 1e-5
 """Distance (m, rad or 1) inside a limit up to which a lane may be that machine code,
-with other rounding, found outside."""
+with other rounding, found outside. Chosen, far above rounding: only of lanes that
+stopped is it asked, and an ending that is met without it comes first."""
 
 
 @positional

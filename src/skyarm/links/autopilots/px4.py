@@ -92,7 +92,7 @@ one opens the onboard port only."""
 
 BABBLE = 4096
 """Number of bytes that are not MAVLink after which the peer counts as another
-program; chosen: 14 of the longest frames, and PX4 sends none."""
+program; chosen: 14 of MAVLink's longest frames."""
 
 
 @immutable
