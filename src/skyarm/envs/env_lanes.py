@@ -243,8 +243,7 @@ class EnvLanes:
         pictures.
         """
         every = {"state": self.observation.T, **self.pictures}
-        # the numbers of a lane together, which lie apart in the transposed array; a copy
-        # by this method is so by default, too
+        # the numbers of a lane lie together then, and apart in the transposed array
         seen = {
             name: each[lanes].copy(order="C") if copy else each[lanes]
             for name, each in every.items()
