@@ -32,9 +32,9 @@ PRICE_COLUMN, PRICE_AMOUNT, PRICE_WHOLE = 0.003, 0.02, 0.1
 change of all axes.
 
 They are logarithms of residuals: a change by an amount must make them 2 % less in the
-mean to be worth it. They lie between half of them, where one turned sign is taken for two
-and two exchanged rotors for a reversed order, and twice, where it is the other way
-round (measured, ``test_isolate_fault``)."""
+mean to be worth it. With half of them one turned sign is taken for two, and two
+exchanged rotors for a reversed order; with twice of them the other way round (measured,
+``test_isolate_fault``)."""
 
 MAP = "map its columns, their signs or its frame in columns.toml"
 CLOCK, LEAVE = "check the clocks", "leave it out, or take that of this flight"
