@@ -17,7 +17,8 @@ from skyarm.records.files.names import READS, names_in
 from skyarm.records.registry import names as names_of_kind
 
 MOST_WORKERS = 10_000
-"""Largest number of threads or processes."""
+"""Largest number of threads or processes; chosen, far above the cores of a machine, as
+so many would be started."""
 
 MODELS = (".urdf", ".xacro", ".sdf")
 """Suffixes of files that only describe a vehicle."""

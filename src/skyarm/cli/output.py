@@ -43,7 +43,8 @@ SCHEMA = 1
 """Version of the document; new keys keep it, removed or redefined ones raise it."""
 
 PAUSE = 10.0
-"""Least time (s) between two lines of progress, and before the first."""
+"""Least time (s) between two lines of progress, and before the first; chosen: a log of
+an hour has 360, and what ends sooner has none."""
 
 Advance = Callable[..., None]
 """Callback (done, total, last): counts so far, and text about the last step."""
@@ -144,7 +145,7 @@ ROOM = 24
 """Least width (letters) of a table beside the names of its rows."""
 
 WIDE = 4
-"""Least number of columns of a table that may be turned."""
+"""Least number of columns of a table that may be turned, chosen."""
 
 
 def _in_parts(table: pages.Table) -> list[pages.Table]:

@@ -331,6 +331,7 @@ def _with_layers_refitted(
     """
     par = controller.par
     places = [place[1:] for place in changed if place[:1] == ("par",)]
+    # limits: one that is stated no longer follows the law inside
     if not is_record(getattr(par, "inner", None)) or not any(
         place[0] in ("inner", "limits") for place in places
     ):

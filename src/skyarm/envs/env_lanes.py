@@ -243,6 +243,7 @@ class EnvLanes:
         pictures.
         """
         every = {"state": self.observation.T, **self.pictures}
+        # the numbers of a lane lie together then, and apart in the transposed array
         seen = {
             name: each[lanes].copy(order="C") if copy else each[lanes]
             for name, each in every.items()

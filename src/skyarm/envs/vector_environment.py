@@ -213,6 +213,7 @@ def spaces(lanes: EnvLanes) -> tuple[Any, Box]:
 
 
 def _mode(given: AutoresetMode | str) -> AutoresetMode:
+    # not DISABLED: all lanes step together, so one that is over must begin anew
     modes = {
         mode.value: mode for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
     }

@@ -554,6 +554,7 @@ def _motor_outputs(
     """Columns of the outputs that drive the rotors, in their order, by parameters or
     else by equal least outputs.
     """
+    # logs that are timed in ms name them Ch1, ..., later ones C1, ...
     every = [name for name in outputs.columns if re.fullmatch(r"C(h)?\d+", name)]
     # later entries win, so outputs run backwards: the first one of a function counts
     driven = {

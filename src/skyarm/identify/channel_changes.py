@@ -29,7 +29,12 @@ FAULTS: Sequence[Mapping[str, Any]] = shipped_tables(__file__)["fault"]
 
 PRICE_COLUMN, PRICE_AMOUNT, PRICE_WHOLE = 0.003, 0.02, 0.1
 """Costs: of each column that a change alters, of a change by any amount, and of a
-change of all axes."""
+change of all axes.
+
+They are logarithms of residuals: a change by an amount must make them 2 % less in the
+mean to be worth it. With half of them one turned sign is taken for two, and two
+exchanged rotors for a reversed order; with twice of them the other way round (measured,
+``test_isolate_fault``)."""
 
 MAP = "map its columns, their signs or its frame in columns.toml"
 CLOCK, LEAVE = "check the clocks", "leave it out, or take that of this flight"

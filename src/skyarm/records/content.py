@@ -61,6 +61,7 @@ class _Same:
         return isinstance(other, _Same) and self.value is other.value
 
 
+# 64 is chosen: each keeps its record alive
 @lru_cache(maxsize=64)
 def _content_once(same: _Same) -> Hashable:
     return _content_of(same.value)

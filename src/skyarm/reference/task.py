@@ -51,7 +51,8 @@ SWITCHES = ("closed", "open")
 ASKED = (*NUMBERS, *SWITCHES)
 
 NOWHERE = 1e-6
-"""Length of a vector below which its direction is undefined."""
+"""Length of a vector below which its direction is undefined, as above its inverse;
+chosen, both far from those that are written."""
 
 
 def guard_from(

@@ -56,7 +56,12 @@ after a rejected step."""
 EXACT, SMOOTH = 5e-4, 0.03
 """Weights of a deviation (rad or m) from the posture, over the arm's length: for a tip
 with a desired orientation, and for one whose base takes the remainder of the
-displacement."""
+displacement.
+
+Chosen. Of 40 poses of ``hexarotor_arm6`` the tip is within 0.06 mm with the first, 0.15
+mm with four times it. On a way of ``hummingbird_arm2_rotors`` to its full stretch the
+second leaves 0.5 mm to the base half-way, and joints accelerate by 236 rad/s^2 at most;
+0.1 mm and 252 rad/s^2 with half of it, 2 mm and 188 with twice (measured)."""
 
 
 @immutable

@@ -28,7 +28,8 @@ divergence; rotors are among the rates, of which the fastest shipped one turns a
 rad/s."""
 
 LOST = 1e3
-"""Distance (m) from the reference that counts as divergence."""
+"""Distance (m) from the reference that counts as divergence; chosen, before numbers
+overflow: a free fall is there after 14 s."""
 
 LONG = 2.0
 """Size of a quaternion component that counts as divergence."""

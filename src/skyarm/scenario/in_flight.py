@@ -534,6 +534,7 @@ def _require_number(scenario: Scenario, change: Change) -> None:
                 " is read"
             )
     except ScenarioError as error:
+        # parts have one dot at most: a longer path was meant for a number
         near = (
             did_you_mean(change.path, whole_parts()).strip()
             if change.path.count(".") < 2

@@ -49,11 +49,13 @@ jump."""
 
 CORNER = 0.02, 0.05
 """Largest jumps of velocity at a corner: m/s of the base, and rad/s or m/s of a
-joint."""
+joint; chosen: a way of straight pieces jumps by its whole speed, an eased one not at
+all, and a path with corners is led alike with half and twice of it (measured)."""
 
 MISSED = 1.05
 """Fraction of a limit above which the governor warns that it cannot satisfy the
-limit."""
+limit; chosen. Paths that can be slowed end at 0.83 to 1.00 of it (four measured), so
+1.02 and 1.1 tell them apart as well."""
 
 LONGEST = 1000.0
 """Longest flight (s) that is planned; longer ones take minutes."""

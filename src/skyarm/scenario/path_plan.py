@@ -40,7 +40,8 @@ LOOK = 0.01
 
 CALM = 0.5
 """Time (s) before and after an infeasible instant that is slowed down with it, for a
-smooth motion."""
+smooth motion; chosen. Half of it leads a circle, a drop, a swing and corners 0.01 to
+0.2 s sooner to their end, twice as late (measured); all keep the limits."""
 
 ACCELERATION = 1.0
 """Largest second derivative (1/s) of the path time."""
@@ -52,6 +53,8 @@ RATES = tuple(0.93**k for k in range(54))
 """Constant path speeds that are tried, from the commanded one to ``SLOWEST``."""
 
 ROUNDS = 60
+"""Largest number of rounds in which the path is slowed down; chosen. A circle, a drop,
+a swing and corners need no more than 15 (measured)."""
 
 DIGITS = 9
 """Decimal digits to which control points (s) are rounded, so that results do not depend

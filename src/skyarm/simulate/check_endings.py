@@ -29,7 +29,9 @@ from skyarm.simulate.pictures import Images, images_of
 
 SLACK = 1e-5
 """Distance (m, rad or 1) inside a limit up to which a lane may be that machine code,
-with other rounding, found outside."""
+with other rounding, found outside. Chosen, far above rounding, and a hundred times it
+passes the tests: only lanes that stopped are asked, and an ending that is met without
+it comes first. With 0 such a lane has diverged."""
 
 
 @positional

@@ -785,7 +785,8 @@ with open(out, "w") as file:
 carries the answer."""
 
 SECONDS = 120.0
-"""Time (s) after which the other process is abandoned."""
+"""Time (s) after which the other process is abandoned; chosen. It imports this library
+in 1.1 s; the rest is the traces of a user's parts."""
 
 DEEP = "a/b/c/d"
 """Subfolder of the other, empty folder; a field may name a file some folders above the

@@ -290,6 +290,7 @@ def _entries(folder: Path | None, pattern: re.Pattern[str] = ENTRY) -> list[_Ent
             if folder is None
             else [each for each in folder.iterdir() if pattern.fullmatch(each.name)]
         )
+    # a name with a zero byte is a ValueError
     except (OSError, ValueError):
         files = []
     for path in files:

@@ -340,6 +340,8 @@ def _accelerations(
     rates = measurement.joint_rates
     total = calm_wrench(model.vehicle, measurement.rotor_speeds)
     rows = zip(model.vehicle.joints, efforts, rates, strict=True)
+    # dry friction at the measured rate, too: it is what acts, where a law that gives it
+    # back takes the reference's
     torques = tuple(sub(effort, friction(joint, qd, qd)) for joint, effort, qd in rows)
     return dynamics.forward_dynamics(
         model.vehicle, measurement.joints, measurement.rate, rates, total, torques

@@ -216,6 +216,8 @@ def set_up(child: Child, lines: Sequence[str], patience: float) -> None:
         SilentStartError: the program does not answer.
     """
     with connect_console(child, patience) as console:
+        # the port opens before it is read: 2 of 8 requests at once had no answer, of 32
+        # after 0.05 s and more all had one (measured)
         time.sleep(0.2)
         _ask(console, b"#", patience)  # alone: another character would cancel it
         for line in lines:

@@ -50,8 +50,9 @@ sample and would wait for ever."""
 
 HALT, HASTE, STEADY = 0.1, 0.75, 10
 """Time (s) without an answer in real time after which the motors count as commanded
-externally; fraction of a period to wait then; number of answers in a row after which
-PX4 commands them again."""
+externally, as PX4 then answers new commands only; fraction of a period to wait then;
+number of answers in a row after which PX4 commands them again. Chosen: below 1 the
+flight can catch up with real time."""
 
 BOOT_STEP = 0.02
 """Wall-clock time (s) between sensor messages until PX4 answers the first."""
@@ -91,7 +92,7 @@ one opens the onboard port only."""
 
 BABBLE = 4096
 """Number of bytes that are not MAVLink after which the peer counts as another
-program."""
+program; chosen: 14 of MAVLink's longest frames."""
 
 
 @immutable

@@ -40,7 +40,9 @@ SETTLED = 2.0
 """Time (s) after the first contact from which the force error counts."""
 
 BAND = 0.3
-"""Relative error of the desired force below which a force counts as held."""
+"""Relative error of the desired force below which a force counts as held; chosen. A
+force is on or off: of the pressing in three shipped tasks 0.84 to 0.92 is held with
+0.3, and as much but for 0.01 with half and twice of it (measured)."""
 
 NOT_YET = 1e30
 """Time (s) of an event that has not happened."""

@@ -31,15 +31,18 @@ LARGEST_ERROR = 0.5
 tracked its reference. Comparisons count a flight as lost by the same number."""
 
 TILTED = np.radians(80.0)
-"""Tilt (rad) above which comparisons and checks count a flight as lost."""
+"""Tilt (rad) above which comparisons and checks count a flight as lost; chosen: short
+of level thrust, which bears no weight. Ten shipped flights tilt by 22 degrees at most
+(measured)."""
 
 LARGEST_TURN = 0.2
 """Largest mean error (rad) of the heading at the end of a flight, the shorter way
-round."""
+round; chosen. Ten shipped flights end within 0.005 rad (measured), and a vehicle that
+does not begin to turn round is off by pi."""
 
 SELDOM = 0.01
 """Fraction of periods below which commands exactly at a limit are not reported; a step
-of the reference causes some."""
+of the reference causes some. Chosen; nine shipped flights have none (measured)."""
 
 PLACES = ("rad", "m")
 """Units of position setpoints."""

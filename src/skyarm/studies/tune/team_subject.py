@@ -227,6 +227,8 @@ class TeamCandidates(CandidateFlights):
         position, pull = (penalize(metrics[name], lost) for name in (POSITION, PULL))
         return {
             "error": np.sqrt(position * pull),
+            # the search has one set of names for vehicles and teams: what a team lacks
+            # repeats the position, or counts nothing
             "tip": position,
             "base": position,
             "pull": pull,

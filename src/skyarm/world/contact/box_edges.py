@@ -36,15 +36,24 @@ EDGE_PAIRS = 36
 """Number of edge pairs of two boxes that may touch."""
 
 END = 1e-3
-"""Distance (m) beyond the end of an edge at which the edge still touches."""
+"""Distance (m) beyond the end of an edge at which the edge still touches.
+
+Chosen. Half and twice of it change the depth of 1 of 1500 drawn poses of two boxes of
+6 to 10 cm, by 0.2 and 0.4 mm (measured)."""
 
 TILT = 0.2
 """Sine of the largest angle between the normal and a face at which the face's far edge
-may touch."""
+may touch.
+
+Chosen. Half and twice of it change the depth of 1 in 20 drawn poses, by up to 5 and
+10 mm, as half and twice of ``ROOM`` do; whether the boxes touch changes in 1 of 1500
+(measured)."""
 
 SLANT = 0.05
 """Sine of the smallest angle between two edges whose common normal may separate the
-boxes."""
+boxes: edges that are nearly parallel have none to speak of.
+
+Chosen. Half of it changes no drawn pose, twice 1 of 1500, by 0.03 mm (measured)."""
 
 ROOM = 0.05
 """Length (m) that multiplies a sine in the depth of tilted edges."""

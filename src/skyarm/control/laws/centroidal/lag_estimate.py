@@ -187,6 +187,8 @@ class LagGains(OptionalPart):
         """
         base, joints = self.shares(memory, dt)
         own = [joint.damping for joint in par.model.vehicle.joints]
+        # the law makes up for the model's friction at the measured rate: where there is
+        # none, that takes from the loop's damping, which a slower loop has less of
         par = at_shares(
             with_joint_damping(par, [mul(joints, damping) for damping in own]),
             base,

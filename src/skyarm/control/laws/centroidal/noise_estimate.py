@@ -159,6 +159,8 @@ class NoiseGains(OptionalPart):
         update, noise = seen.corrections, memory.accelerometer
         if noise and update.beside:
             noise = noise.after(update.beside - noise.last, update.beside, FELT, dt)
+        # c_k = e_k - r_{k-1}; the innovation counts as far as it was believed, so does
+        # what is left of it
         change = update.innovation - memory.velocity.last
         left = (velocity - seen.observed.velocity) * update.known
         return NoiseMemory(
