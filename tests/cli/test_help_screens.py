@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import get_args
+from typing import Annotated, get_args
 
 import pytest
 import typer
@@ -87,6 +87,8 @@ def test_rows_of_a_docstring_are_the_help_of_its_parameters() -> None:
         speed: float = 1.0,
         film: bool = False,
         older: int = typer.Option(3, help="its own"),
+        tare: bool = True,
+        mass: Annotated[float, "kg"] = 0.0,
     ) -> None:
         """Fly.
 
@@ -96,6 +98,10 @@ def test_rows_of_a_docstring_are_the_help_of_its_parameters() -> None:
             speed: m/s
             film: it is drawn
             older: other words
+            tare: subtract it
+            mass: of the load
+
+        Words below the rows are of no row.
         """
 
     kinds = {each.name: each.annotation for each in parameters_of(own)}
@@ -105,7 +111,12 @@ def test_rows_of_a_docstring_are_the_help_of_its_parameters() -> None:
         ("FILE", "the log, of one flight"),
         (None, "m/s"),
         (None, "it is drawn"),
+        (None, "subtract it"),
+        (None, "of the load"),
     ]
+    # only a flag that is set needs --no-NAME, which Typer adds to one without a name
+    assert stated["film"].default == "--film"
+    assert stated["tare"].default is ...
 
 
 @pytest.mark.parametrize(

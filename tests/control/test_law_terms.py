@@ -29,7 +29,7 @@ import skyarm
 from skyarm.control.blocks.common import arm_alone
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import with_applied_command
-from skyarm.control.laws.published.indi import _filter_signals, _speeds
+from skyarm.control.laws.published.indi import _filter_signals
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
 from support.laws import pushes, replaced, scalars
@@ -332,7 +332,8 @@ def test_every_signal_is_as_late_as_the_measurement_and_filtered_alike(
     )
     memory, last = stepped(law, seen, sent), seen[-1]
     R = last.quaternion.rotation()
-    speeds = _speeds(memory, last, law.par, False, DT)
+    after, _ = law.law(memory, last, wanted(0), DT, par=law.par)
+    speeds = last.rotor_speeds if measured_speeds else after.speeds
     hold = arm_alone(law.par, R, last.joints, (0, 0))
     _, found = _filter_signals(memory, last, R, speeds, hold, DT, law.par, False)
 

@@ -373,6 +373,9 @@ def test_ends_of_what_is_drawn_are_looked_at_together(paths, lanes):
     assert set(high.sum(axis=1)) == (
         set(range(7)) if paths == 6 else {0, 1, paths - 1, paths}
     )
+    # messages name lanes of this order
+    if paths > 6:
+        assert high.sum(axis=1).tolist() == [0, paths, *[1, paths - 1] * paths]
 
 
 def test_a_hover_starts_up_to_three_tenths_of_a_metre_around_its_place():

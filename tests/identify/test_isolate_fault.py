@@ -918,6 +918,17 @@ def test_numbers_off_the_start_are_unusual(window):
     assert left.delay == pytest.approx(0.005 + 3.0 * 0.01)
 
 
+def test_changes_are_ranked_by_the_same_numbers_with_and_without_a_pose(window):
+    window.rows = window.rows[:2]
+    window.noise, window.white = window.noise[:, :2], window.white[:, :2]
+    window.moved = {"drag.area.x": 3.0}
+    blind = dataclasses.replace(
+        STILL, channels={name: STILL[name] for name in STILL if name not in POSE}
+    )
+    for flight in (STILL, blind):
+        assert Leavings(VEHICLE).rows(flight, 60, 40).unusual == pytest.approx(9.0)
+
+
 def test_a_motion_that_is_no_number_leaves_infinite_sizes(window):
     window.wrong = np.linalg.LinAlgError()
     assert set(Leavings(VEHICLE).rows(STILL, 60, 40).sizes.values()) == {np.inf}

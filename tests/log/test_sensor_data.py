@@ -14,7 +14,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import skyarm
+from skyarm.log.flight_log import log_of_arrays
 from skyarm.log.log_columns import columns
+from skyarm.log.stored_arrays import ArraysByName
 from skyarm.scenario.scenario_record import NamedSensor
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.sensing.sensor import Sensor
@@ -191,6 +193,19 @@ def test_the_other_plant_keeps_them():
     assert set(log.received) == set(flown().received)
     assert np.array_equal(log.readings["altimeter"]["value"], log.position[:, 2] + 0.25)
     assert log.measured_position.size == 0
+
+
+def test_of_arrays_in_a_file_an_estimate_reads_its_own():
+    log, read = flown(), list[str]()
+
+    def read_one(name):
+        read.append(name)
+        return log[name]
+
+    stored = log_of_arrays(ArraysByName(log.arrays(), read_one), log.info)
+    read.clear()
+    assert list(stored.estimate) == list(log.estimate)
+    assert read == [f"estimate.{name}" for name in log.estimate]
 
 
 def test_without_sensors_or_estimator_the_measurement_is_what_the_law_received():

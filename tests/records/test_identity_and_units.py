@@ -14,6 +14,7 @@ import pytest
 
 import skyarm
 from skyarm.algebra.scalars import Scalar
+from skyarm.compile.tracing.tracer import Graph
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields, require_fields
 from skyarm.records.files import Fields
@@ -38,18 +39,25 @@ def test_identity_is_of_all_numbers_and_of_no_title() -> None:
     assert len({identity(each) for each in (scenario, *others)}) == 4
 
 
-def test_what_a_function_captures_of_the_library_is_written_by_its_type() -> None:
-    """Traced programs of an environment have more paths than can be written; and a
-    variable may have no value yet.
-    """
-    captured = Fields({"mass": 1.0}, "plant")
+def test_programs_that_a_function_captures_are_written_by_their_type() -> None:
+    """They have more paths than can be written. A variable may have no value yet."""
+    captured = Graph()
 
     def policy() -> object:
-        return captured.table, later
+        return captured.nodes, later
 
-    assert plain(policy)["bound"] == [{"type": "skyarm.records.files.fields:Fields"}]
+    kind = {"type": "skyarm.compile.tracing.tracer:Graph"}
+    assert plain(policy)["bound"] == [kind]
     later = Spring(stiffness=1.0)
     assert len(plain(policy)["bound"]) == 2
+
+
+def test_other_objects_that_a_function_captures_are_written_whole() -> None:
+    def policy_of(mass: float) -> Any:
+        captured = Fields({"mass": mass}, "plant")
+        return lambda: captured.table
+
+    assert plain(policy_of(1.0)) == plain(policy_of(1.0)) != plain(policy_of(2.0))
 
 
 def test_every_field_of_what_crosses_the_boundary_says_its_unit() -> None:

@@ -236,7 +236,7 @@ Command = Callable[..., float | None]
 None."""
 
 
-ROW = re.compile(r"^ {4}(\w+)(?: ([^:\n]+))?: (.+?)(?=\n {4}\w|\Z)", re.M | re.S)
+ROW = re.compile(r"^ {4}(\w+)(?: ([^:\n]+))?: (.+?)(?=\n {4}\w|\n\n|\Z)", re.M | re.S)
 """Row of a command's docstring below ``Options:``: parameter, metavar if it has one,
 and help."""
 
@@ -305,16 +305,17 @@ def _with_help(
         if get_origin(parameter.annotation) is Annotated
         else (parameter.annotation,)
     )
+    # a copy, since several commands may share an option, each with its words; a plugin
+    # may state more than what Typer reads
+    option = next((copy(each) for each in stated if hasattr(each, "metavar")), None)
     complete = next(filter(callable, stated), None)
-    if stated and not complete:
-        # a copy, since several commands may share an option, each with its words
-        option = copy(stated[0])
-    elif parameter.default is parameter.empty:
+    if option is None and parameter.default is parameter.empty:
         option = typer.Argument(autocompletion=complete)
-    else:
-        # of a flag without a name Typer makes two options, --NAME and --no-NAME
+    elif option is None:
+        # of a flag without a name Typer makes two options, --NAME and --no-NAME, of
+        # which only one that is set needs the second
         name = parameter.name.replace("_", "-")
-        names = [f"--{name}"] if kind is bool else []
+        names = [f"--{name}"] if kind is bool and not parameter.default else []
         option = typer.Option(*names, autocompletion=complete)
     option.metavar = metavar or option.metavar
     option.help = " ".join(words.split())

@@ -171,7 +171,7 @@ def _corners(ends: Mapping[str, tuple[float, float]]) -> dict[str, Array]:
         # all combinations grow as powers of two
         low, high = np.array([*ends.values()]).T
         alone = np.eye(len(ends), dtype=bool)
-        rows = np.vstack(
-            [low, high, np.where(alone, high, low), np.where(alone, low, high)]
-        )
+        # in this order since messages name the lane
+        pairs = np.stack([np.where(alone, high, low), np.where(alone, low, high)], 1)
+        rows = np.vstack([low, high, *pairs])
     return dict(zip(ends, rows.T, strict=True))

@@ -547,17 +547,17 @@ def alike_outputs(
     rotors; none if they are few.
     """
     sent = [outputs.columns[each] for each in names]
-    least, most = ([end(each) for each in sent] for end in (np.nanmin, np.nanmax))
+    ends = [(np.nanmin(each), np.nanmax(each)) for each in sent]
     # an output that never moves drives no rotor, so the least is below the most
-    moves = [a == least[0] < b for a, b in zip(least, most, strict=True)]
-    # those before the first that does not
-    alike = names[: [*moves, False].index(False)]
-    if len(alike) in COUNTS:
+    alike = [low == ends[0][0] < high for low, high in ends]
+    # one that is not alike ends the rotors
+    rotors = [*names[: [*alike, False].index(False)]]
+    if len(rotors) in COUNTS:
         notes.append(
-            f"rotor_commands: {len(alike)} rotors are assumed, as so many outputs have"
+            f"rotor_commands: {len(rotors)} rotors are assumed, as so many outputs have"
             " the same least value."
         )
-        return [*alike]
+        return rotors
     notes.append(
         "rotor_commands: are left out, as nothing says which outputs drive rotors; a"
         " columns.toml may do so."

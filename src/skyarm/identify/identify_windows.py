@@ -224,7 +224,7 @@ def search_of(
     :func:`identify_by_windows`.
 
     ``sensors`` are compared, as of :func:`on_clock`, in as many steps of the usual
-    clock at once as fit into ``coarse``, s.
+    clock at once as fit into ``coarse``, s; all numbers are searched by them.
     """
     flights, start = distinct_flights(flights), without_tilts(start)
     step = clock_step(flights, start)
@@ -253,7 +253,11 @@ def search_of(
         drag_height=options.drag_height,
         others=[each.name for each in flights[1:]],
     )
-    if not any(name in each for each in flights for name in ("position", "velocity")):
+    has_places = any(
+        name in each for each in flights for name in ("position", "velocity")
+    )
+    # changes of a channel are ranked by the same numbers with a pose and without it
+    if not has_places and not sensors:
         # the drag of rotors shows in forces; that of the body, by the square of the
         # speed, would be that of any speed
         every = [each for each in every if not each.name.startswith("drag.area.")]

@@ -69,6 +69,7 @@ class Estimated:
 
 
 UNKNOWN = Estimated(value=math.nan, low=math.nan, high=math.nan)
+"""Delay or lag that a log does not tell."""
 
 
 @immutable

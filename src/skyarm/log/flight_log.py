@@ -243,9 +243,10 @@ class Log:
     def estimate(self) -> dict[str, Array]:
         """Estimator output by field, (N,) or (N, k), as the control law received it."""
         begin = f"{ESTIMATE}."
+        # by names, since arrays of a long flight are read from its file one by one
         return {
-            name.removeprefix(begin): array
-            for name, array in self.received.items()
+            name.removeprefix(begin): self.received[name]
+            for name in self.received
             if name.startswith(begin)
         }
 

@@ -106,7 +106,8 @@ def facts(log: Log) -> Facts:
         | asdict(log.shortfall)
     )
     # a law before or behind a change may estimate none
-    found = log.lag_found[np.isfinite(log.lag_found).all(axis=1)]
+    found = log.lag_found
+    found = found[np.isfinite(found).all(axis=1)]
     if found.size:
         values["lag_found_s"] = found[-1]
     values |= _without_empty(contacts=_contacts(log), mechanisms=_mechanisms(log))

@@ -39,8 +39,8 @@ def plain(value: object) -> Any:
     A record becomes a table of its fields with its class, by module and name, under
     ``type``. Functions, arrays, enums and tables that have a ``type`` of their own are
     tables with a type, too. Infinities and NaN become text, and texts that look like
-    them tables. Integers stay integers: they are structure. An object of this library
-    that is no record, such as an environment, is its type alone.
+    them tables. Integers stay integers: they are structure. What holds traced programs,
+    such as an environment, is its type alone.
     """
     return _plain(value, ())
 
@@ -125,9 +125,7 @@ def dotted_name(named: type | Named) -> str:
 
 
 def fields_of(value: object) -> list[tuple[str, object]]:
-    """Names and values of an object's fields; none of an object of this library that is
-    no record.
-    """
+    """Names and values of an object's fields; none of what holds traced programs."""
     names = field_names(type(value))
     if names is not None:
         fields = [(name, getattr(value, name)) for name in names]
@@ -144,9 +142,7 @@ def fields_of(value: object) -> list[tuple[str, object]]:
             for n, each in fields
             if n not in unwritten or (each and each != unwritten[n])
         ]
-    # an environment in a closure holds traced programs, whose nodes lead to each other
-    # in more ways than can be walked
-    if type(value).__module__.startswith("skyarm."):
+    if type(value).__module__.startswith(OF_PROGRAMS):
         return []
     slots = [
         name for kind in type(value).__mro__ for name in getattr(kind, "__slots__", ())
@@ -156,6 +152,12 @@ def fields_of(value: object) -> list[tuple[str, object]]:
         *getattr(value, "__dict__", {}).items(),
         *((name, getattr(value, name, None)) for name in slots),
     ]
+
+
+OF_PROGRAMS = ("skyarm.compile.", "skyarm.simulate.", "skyarm.envs.")
+"""Rooms whose objects that are no records are written by their type alone, as an
+environment in a closure: the nodes of the programs that they hold lead to each other in
+more ways than can be walked."""
 
 
 @memoize

@@ -11,8 +11,14 @@ import pytest
 from hand_made import KD, KP, T, double_integrator, numbered_channels
 from scipy import linalg, optimize
 
+from skyarm.records.leaves import parts
 from skyarm.studies.stability import margins
-from skyarm.studies.stability.closed_loop import close_loop, closed_loop, radius
+from skyarm.studies.stability.closed_loop import (
+    OpenLoop,
+    close_loop,
+    closed_loop,
+    radius,
+)
 
 
 def sampled(delay):
@@ -202,3 +208,11 @@ def test_a_loop_is_closed_once_for_all_gains(monkeypatch):
     )
     margins(double_integrator())
     assert len(counted) == 1
+
+
+def test_no_loop_is_cut_nowhere_in_silence():
+    """Without points where it is cut a loop would have no disk margins."""
+    others = parts(double_integrator())
+    del others["channels"]
+    with pytest.raises(TypeError, match="argument: 'channels'"):
+        OpenLoop(**others)

@@ -437,7 +437,7 @@ class PilotedSession(Session):
             self._goal = goal_of(self.reference)
         self._seconds = self._prepared + (tick - 1) * self._period
         self._tape.time = self._seconds
-        # behind the time stand position, attitude, velocity and rate
+        # a row begins with a flag, then position, attitude, velocity and rate
         self._state = row[1:14]
         readings = {
             name: row[where] for name, where in recorder.reading_columns.items()

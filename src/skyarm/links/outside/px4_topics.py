@@ -17,11 +17,14 @@ _TABLES = shipped_tables(__file__)
 DEFINITIONS: Mapping[str, str] = _TABLES["fields"]
 """Message type -> the fields that are read or sent."""
 
-TYPES = dict(DEFINITIONS)
+TYPES: Mapping[str, str] = {
+    **DEFINITIONS,
+    **{
+        kind: f"{DEFINITIONS[kind]}\n{more}"
+        for kind, more in _TABLES["further_fields"].items()
+    },
+}
 """Message type -> its fields in v1.17, by which DDS matches it."""
-
-for kind, more in _TABLES["further_fields"].items():
-    TYPES[kind] += f"\n{more}"
 
 OUT: Mapping[str, str] = _TABLES["out"]
 """Topic that PX4 publishes -> its type."""

@@ -50,7 +50,7 @@ class OpenLoop:
     measurement_delay: int = 0
     command_delay: float = 0.0
     states: int = 0
-    channels: tuple[LoopChannel, ...] = ()
+    channels: tuple[LoopChannel, ...]
 
 
 @positional(eq=False)

@@ -217,8 +217,11 @@ def fill_in(
                 for key, each in entry.items()
                 if key != "*"
             }
-            for name, own in setting.joints.items() if "*" in entry else ():
-                filled[name] = fill_in(entry["*"], facts | own, setting, f"{at}.{name}")
+            if "*" in entry:
+                for name, own in setting.joints.items():
+                    filled[name] = fill_in(
+                        entry["*"], facts | own, setting, f"{at}.{name}"
+                    )
             return filled
         case list():
             return [
