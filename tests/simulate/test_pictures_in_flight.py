@@ -17,6 +17,7 @@ from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.eyes import Eyes
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run_in_python
+from skyarm.studies.assess.along_reference import met_at_start
 from support.flights import shared_programs
 
 EVERY, LATE, RATE = 10, 3, 100
@@ -157,6 +158,10 @@ def test_an_ending_sees_what_has_arrived():
     assert log.info["end_time"] == np.flatnonzero(seen >= seen[40])[0] / RATE
     with pytest.raises(ValueError, match=r"endings\[0\]: sees down, a batch has no"):
         skyarm.Batch(ended)
+
+
+def test_an_ending_that_sees_is_not_asked_before_there_are_pictures():
+    assert not met_at_start(dataclasses.replace(FLIGHT, endings=(TooHigh(limit=0.0),)))
 
 
 def test_what_has_no_pictures_says_so():

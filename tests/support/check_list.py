@@ -343,6 +343,16 @@ CHECKS: tuple[Check, ...] = (
     Check(
         SCENARIO,
         "reference",
+        "start of the flight",
+        "fault",
+        "endings that hold at 0 s",
+        "",
+        "one holds",
+        "another reference, whose base is the origin if left out, or initial state",
+    ),
+    Check(
+        SCENARIO,
+        "reference",
         "steps of the reference",
         "warning",
         "largest step of the base velocity of the reference, also from the "

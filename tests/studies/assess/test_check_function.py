@@ -11,6 +11,8 @@ import pytest
 import skyarm
 from skyarm.records.identity import identity
 from skyarm.studies.assess import assessment
+from skyarm.studies.assess.along_reference import met_at_start
+from skyarm.studies.assess.finding import FAULT
 
 NAME = "hummingbird_arm2_rotors"
 
@@ -68,3 +70,34 @@ def test_what_cannot_be_checked_is_one_line(
 ) -> None:
     with pytest.raises(ValueError, match=words):
         skyarm.check(given, **options)
+
+
+LOW = {
+    "name": "low",
+    "duration": 2.0,
+    "plant": {"vehicle": NAME},
+    "controller": {"preset": "centroidal_tip"},
+}
+"""A hover at the origin, where a flight ends at once: the links hang down by 0.3 m."""
+
+
+@pytest.mark.parametrize(
+    ("more", "found"),
+    [
+        ({}, {"reference": "ending 'ground' holds at 0 s: lowest point at z = -0.3 m"}),
+        (
+            {"initial": {"position": [0.0, 0.0, 0.1]}},
+            {"initial": "ending 'ground' holds at 0 s: lowest point at z = -0.2 m"},
+        ),
+        ({"initial": {"position": [0.0, 0.0, 0.4]}}, {}),
+        ({"environment": {"ground": False}}, {}),
+    ],
+)
+def test_a_start_at_which_a_flight_ends_is_found(more: Any, found: Any) -> None:
+    findings = met_at_start(skyarm.scenario_from(LOW | more))
+    assert {each.field: each.text for each in findings} == found
+
+
+def test_a_scenario_that_ends_at_its_start_does_not_pass() -> None:
+    (found,) = skyarm.check(skyarm.scenario_from(LOW), poses=8).alarms()
+    assert (found.question, found.level) == ("start of the flight", FAULT)

@@ -22,7 +22,8 @@ from skyarm.records.arrays import Array, Mask, float_array, stack_values
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.scenario.endings import clearances_of
-from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.scenario_record import Scenario, first_state
+from skyarm.simulate.check_endings import find_ending
 from skyarm.studies.assess.arm_poses import Allocation, ArmPoses
 from skyarm.studies.assess.finding import (
     FAULT,
@@ -241,6 +242,26 @@ def _speed_steps(scenario: Scenario) -> list[Finding]:
             unit="m/s",
         )
     ]
+
+
+def met_at_start(scenario: Scenario) -> list[Finding]:
+    """Fault of a start at which a termination condition holds, so that a flight ends at
+    0 s; what sees pictures is left out.
+    """
+    blind = replace(
+        scenario, endings=tuple(each for each in scenario.endings if not each.sees)
+    )
+    goal = scenario.agent.reference.at(0.0).position
+    ended = find_ending(blind, 0.0, leaves(first_state(scenario)), [*goal])
+    if ended is None:
+        return []
+    text = f"ending '{ended.status}' holds at 0 s: {ended.cause}"
+    remedy = (
+        "a reference.base that begins elsewhere (left out, it is the origin), or an"
+        " [initial] state"
+    )
+    field = "reference" if scenario.agent.initial is None else "initial"
+    return [Finding("start of the flight", FAULT, text, field, remedy)]
 
 
 def _planned_force(scenario: Scenario) -> list[Finding]:

@@ -27,7 +27,7 @@ from skyarm.scenario.unlikely_numbers import (
 )
 from skyarm.scenario.without_effect import WithoutEffectWarning
 from skyarm.simulate.examine import require_shapes
-from skyarm.studies.assess.along_reference import along_reference
+from skyarm.studies.assess.along_reference import along_reference, met_at_start
 from skyarm.studies.assess.arm_poses import POSES, ArmPoses, arm_poses
 from skyarm.studies.assess.causes import causes_first
 from skyarm.studies.assess.endurance import aloft_for, time_aloft
@@ -311,6 +311,7 @@ def assess_scenario(
             carried = carried_loads(scenario, name, bodies)
             aloft = aloft_for(flight_parts(one, carried), payload)
             along = [
+                *met_at_start(one),
                 *along_reference(one, clearance=True, carried=carried),
                 *push_limits(one),
             ]
