@@ -27,7 +27,7 @@ WORDS = (
     "--laws",
     "decoupled_pd",
     "--candidates",
-    "100",
+    "132",
     "--plants",
     "4",
     "--out",

@@ -26,7 +26,7 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
         "--laws",
         "decoupled_pd",
         "--candidates",
-        "64",
+        "132",
         "--plants",
         "4",
         "--out",
@@ -178,12 +178,12 @@ REPLACES: Mapping[str, str | tuple[tuple[tuple[str, ...], str, str], ...]] = {
     ),
     "tune": (
         (
-            ("short.toml", "--candidates", "64", "--plants", "4", "--out", "there"),
+            ("short.toml", "--candidates", "132", "--plants", "4", "--out", "there"),
             "there/best.toml",
             "numbered",
         ),
         (
-            ("short.toml", "--candidates", "64", "--plants", "4", "--out", "there"),
+            ("short.toml", "--candidates", "132", "--plants", "4", "--out", "there"),
             "there/tuned.toml",
             "replaced",
         ),

@@ -26,7 +26,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--small", action="store_true", help="a search of seconds")
-    effort = {"candidates": 64, "plants": 4} if parser.parse_args().small else {}
+    effort = {"candidates": 132, "plants": 4} if parser.parse_args().small else {}
     found = skyarm.tune(
         "case3",
         "centroidal_tip",

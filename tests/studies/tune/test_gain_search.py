@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from skyarm.cli.tune_command import tune
 from skyarm.studies.sweep.sobol import DIMENSIONS
 from skyarm.studies.tune.candidate_flights import WEIGHTS, Scores
 from skyarm.studies.tune.gain_search import (
@@ -18,6 +19,7 @@ from skyarm.studies.tune.gain_search import (
     with_margins,
 )
 from skyarm.studies.tune.law_knobs import GainKnob
+from skyarm.studies.tune.tuning import BOUNDS, TEAM, VEHICLE, effort_of
 
 KNOBS = tuple(
     GainKnob(path=f"k{i}", unit=unit, numbers=(((f"k{i}",), 2.0),))
@@ -137,3 +139,11 @@ def test_an_effort_flies_about_as_many_candidates_as_are_requested():
     assert Effort().scale(10, 24).rounds == 2, (
         "the second round is the first that learns of another"
     )
+
+
+def test_the_least_effort_that_may_be_asked_for_is_flown_and_said():
+    least, _ = BOUNDS["candidates"]
+    for subject in (TEAM, VEHICLE):
+        assert effort_of(subject, least, None).candidates == least
+        assert effort_of(subject, 1, None).candidates == least
+    assert f" {least} or more;" in " ".join(tune.__doc__.split())

@@ -24,7 +24,7 @@ SMALL = (
     "--laws",
     "decoupled_pd",
     "--candidates",
-    "64",
+    "132",
     "--plants",
     "4",
     "--seed",
@@ -161,7 +161,7 @@ def test_the_page_has_a_stop_for_every_file_and_asks_for_nothing(tuned):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--candidates", "10"), "--candidates = 10: must be from 64 to 100000"),
+        (("--candidates", "10"), "--candidates = 10: must be from 132 to 100000"),
         (("--plants", "1"), "--plants = 1: must be from 4 to 1000"),
         (
             ("--knobs", "gains.positon"),

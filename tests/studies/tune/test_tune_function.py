@@ -32,7 +32,7 @@ def test_a_record_is_tuned_as_its_name_and_a_vehicle_without_a_motion_of_its_own
     )
     for what in (record, "case3", vehicle):
         skyarm.tune(
-            what, "paper_ct", candidates=100, plants=8, knobs=["gains.position"], seed=5
+            what, "paper_ct", candidates=132, plants=8, knobs=["gains.position"], seed=5
         )
     one, other, still = planned
     assert [identity(one.check), identity(one.own)] == [
@@ -49,7 +49,7 @@ def test_a_record_is_tuned_as_its_name_and_a_vehicle_without_a_motion_of_its_own
 @pytest.mark.parametrize(
     ("what", "options", "words"),
     [
-        ("case3", {"candidates": 3}, "^candidates = 3: must be from 64 to 100000$"),
+        ("case3", {"candidates": 3}, "^candidates = 3: must be from 132 to 100000$"),
         ("case3", {"plants": 1}, "^plants = 1: must be from 4 to 1000$"),
         ("case3", {"knobs": ["nothing"]}, "nothing"),
         (3, {}, "^vehicle = 3: must be a name or a path"),
@@ -63,7 +63,7 @@ def test_what_cannot_be_tuned_is_one_line(what: Any, options: Any, words: str) -
 @pytest.mark.thorough
 def test_the_controller_of_a_result_flies_its_scenario() -> None:
     scenario = skyarm.load_scenario("case1", controller="paper_pd")
-    found = skyarm.tune(scenario, candidates=64, plants=4, knobs=["gains.position"])
+    found = skyarm.tune(scenario, candidates=132, plants=4, knobs=["gains.position"])
     assert len(repr(found)) <= 300
     plan, logs = found.plan, found.pick.logs
     picked = with_constants(plan.flight, numbers_at(plan.knobs, logs))

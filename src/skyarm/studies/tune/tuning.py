@@ -386,7 +386,12 @@ def subject_of(scenario: Scenario) -> Subject:
     return VEHICLE
 
 
-BOUNDS = {"candidates": (64, 100_000), "plants": (4, 1000), "seed": (0, 2**31 - 1)}
+BOUNDS = {
+    # fewer are not flown
+    "candidates": (Effort().scale(0, 0).candidates, 100_000),
+    "plants": (4, 1000),
+    "seed": (0, 2**31 - 1),
+}
 """Option -> its smallest and largest value."""
 
 
