@@ -266,7 +266,7 @@ def _sum_up(
     write_inside(
         target / "report.html", page(results, rows.manifest, pictures).encode()
     )
-    files = ["report.html", "stats.json", *pictures.write(target)]
+    files = ["report.html", "stats.json", *pictures.write(target, rows.controllers)]
     give(results, folder=target, files=files)
     tell(*summary(results), f"statistics in {target}: {', '.join(files)}")
 

@@ -223,6 +223,20 @@ def test_a_map_of_ratios_has_logarithmic_axes() -> None:
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "linear")
 
 
+def test_a_map_of_an_earlier_report_does_not_stay_beside_one_without_it(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "map_of_the_town.png").write_bytes(b"not ours")
+    laws, names = ("a:b", "c"), ["map_a_b.png", "map_c.png"]
+    both = Pictures(maps=dict.fromkeys(laws, b"png"))
+    assert both.write(tmp_path, laws) == names
+    one = Pictures(maps={"c": b"new"}, constant={"a:b": 1.0})
+    assert one.write(tmp_path, laws) == names[1:]
+    assert (tmp_path / names[1]).read_bytes() == b"new"
+    assert Pictures().write(tmp_path, laws) == []
+    assert [each.name for each in tmp_path.iterdir()] == ["map_of_the_town.png"]
+
+
 class Tags(HTMLParser):
     def __init__(self) -> None:
         super().__init__()

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field
 from itertools import chain, combinations
 from pathlib import Path
@@ -337,12 +337,19 @@ class Pictures:
     maps: Mapping[str, bytes] = field(default_factory=dict)
     constant: Mapping[str, float] = field(default_factory=dict)
 
-    def write(self, folder: Path) -> list[str]:
-        """Write the robustness maps as PNG files; returns the file names."""
+    def write(self, folder: Path, laws: Iterable[str]) -> list[str]:
+        """Write the robustness maps as PNG files; returns the file names.
+
+        An earlier map of a law that has none now is removed.
+        """
         written = []
-        for label, name in file_names(self.maps, "map_", ".png").items():
-            write_inside(folder / name, self.maps[label])
-            written.append(name)
+        for label, name in file_names(laws, "map_", ".png").items():
+            if label in self.maps:
+                write_inside(folder / name, self.maps[label])
+                written.append(name)
+            else:
+                # one of an earlier report would be taken for this one's
+                (folder / name).unlink(missing_ok=True)
         return written
 
 
