@@ -67,7 +67,9 @@ def test_a_flight_says_its_delay_and_the_lines_to_paste():
     assert "The scenario states: command 10 ms, measurement 0 ms" in done.out
     found = tomllib.loads(Path("found.toml").read_text())
     assert found["delays"]["command"] == pytest.approx(0.01, abs=0.0015)
-    assert Path("found.toml").read_text() in done.out
+    assert done.out.endswith(
+        f"\n{Path('found.toml').read_text()}\nwritten: found.toml\n"
+    )
 
 
 def test_a_log_of_another_program_needs_a_vehicle_and_is_told_what_its_delay_is():

@@ -62,7 +62,7 @@ def test_the_help_has_each_limit_with_its_unit_and_default():
         shown, usual = (
             ("deg", math.degrees(usual)) if unit.unit == "rad" else (unit.unit, usual)
         )
-        assert line.endswith(f"{shown}, {unit.meaning}  [default: {usual:g}]")
+        assert line.endswith(f"{shown}, {unit.meaning}  [default: {usual}]")
 
 
 @pytest.mark.thorough

@@ -17,6 +17,7 @@ from generated_blocks import (
     table,
 )
 
+from skyarm.cli.commands import COMMANDS
 from skyarm.records.units import Unit
 
 
@@ -47,6 +48,12 @@ def test_blocks_are_on_the_pages_of_the_reference() -> None:
         "metrics.md",
     } <= names
     assert {"log_arrays.md", "checks.md", "python_api.md"} <= names
+
+
+def test_an_option_states_its_default_once() -> None:
+    blocks = [made(f"command {name}") for name in (*COMMANDS, "identify design")]
+    assert "`25.0`" in blocks[-1]
+    assert "[default" not in "".join(blocks)
 
 
 def test_a_stale_block_an_open_one_and_an_unknown_kind_are_found(

@@ -258,7 +258,7 @@ def lags(
         if tables:
             tell(f"\n{tables}")
             if written is not None:
-                write_atomically(written, tables.encode())
+                tell(f"written: {write_atomically(written, tables.encode())}")
         give(
             plain(loops),
             vehicle=model.name,
@@ -272,17 +272,12 @@ def lags(
 
 
 def _limit(name: str) -> Any:
-    """Command-line option for a flight limit, with unit, meaning and default from its
-    record; angles in degrees.
+    """Command-line option for a flight limit, with unit and meaning from its record;
+    angles in degrees.
     """
     unit = units(DesignLimits)[name]
-    usual = getattr(USUAL, name)
-    of, usual = (
-        ("deg", math.degrees(usual)) if unit.unit == "rad" else (unit.unit, usual)
-    )
-    return typer.Option(
-        help=f"{of}, {unit.meaning}  [default: {usual:g}]", show_default=False
-    )
+    of = "deg" if unit.unit == "rad" else unit.unit
+    return typer.Option(help=f"{of}, {unit.meaning}")
 
 
 def design(
