@@ -28,6 +28,7 @@ from skyarm.cli.arguments import EVERY, Plugins, running
 from skyarm.cli.lines import (
     INTERRUPTED,
     OUR_FAULT,
+    PIPE_CLOSED,
     WRONG_INPUT,
     say,
     say_ended,
@@ -279,13 +280,13 @@ def perform() -> int:
         return say(f"{_bad_usage(error)}; see '{_command()} --help'", WRONG_INPUT)
     except (typer.Abort, KeyboardInterrupt):
         return say_ended("interrupted", INTERRUPTED)
-    except BrokenPipeError:
-        # who read our output has gone, as `skyarm show | head` does; nothing is left to
-        # flush into
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        return 1
-    # sys.exit in a user's code is an error of that code
-    except SystemExit as error:
+    except (BrokenPipeError, SystemExit) as error:
+        # who read our output has gone, as `skyarm show | head` does, of which Rich and
+        # Typer make an exit of their own; nothing is left to flush into
+        if BrokenPipeError in {type(error), type(error.__context__)}:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+            return PIPE_CLOSED
+        # sys.exit in a user's code is an error of that code
         line = _in_users_code(error)
         if not line:
             raise

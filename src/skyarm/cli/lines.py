@@ -19,6 +19,9 @@ WRONG_INPUT, NOT_COMPLETED, DIFFERENT, OUR_FAULT, INTERRUPTED = 2, 3, 1, 70, 130
 of skyarm itself (EX_SOFTWARE of sysexits.h); Ctrl-C as shells report it (128 and the
 signal's number)."""
 
+PIPE_CLOSED = 141
+"""Exit code if nobody reads the output any more: 128 and the number of SIGPIPE."""
+
 MOST_WARNINGS = 8
 """Largest number of warnings about one file."""
 
