@@ -429,6 +429,7 @@ def _rows(data: bytes, notes: list[str]) -> Messages:
     if lost:
         notes.append(f"file: {lost} bytes belong to no whole message and are left out.")
     rows = dict[str, dict[str, AnyArray]]()
+    # of two types of one name the first with messages counts
     for head, name, row, units in types.values():
         if head in pieces and row.names and name not in rows:
             values = np.frombuffer(b"".join(pieces[head]), row)

@@ -313,7 +313,8 @@ FEWEST = 10
 
 REGULAR, NEAR = 0.8, 0.34
 """Fraction of steps between rows with numbers that must agree, and their relative
-deviation, for a quantity that is logged less often."""
+deviation, for a quantity that is logged less often: of every third row a step may be a
+row more or less."""
 
 
 def _rows_due(rows: npt.NDArray[np.intp], time: Array, count: int) -> int:

@@ -532,6 +532,7 @@ def _vehicles(
             if len(every) > 1:
                 return apart, [
                     each - frozenset.intersection(*every)
+                    # the topic of fewest words first: that without a name of its own
                     for each in sorted(every, key=len)
                 ]
     return {}, []

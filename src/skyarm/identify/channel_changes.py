@@ -378,6 +378,7 @@ def _of_rotors(flight: FlightData, rotors: Sequence[Rotor]) -> Iterator[ChannelC
     if np.isfinite(full).all():
         words = "begin at {:.0f} % of the full signal: their range is another"
         lowered = partial(by_rows, partial(_less, 0.01 * full))
+        # first amounts, chosen, as of zeros of joints below
         percent = (-15.0, -6.0, 6.0, 15.0)
         yield ChannelChange(
             ROTOR_COMMANDS, words, RANGE, COMMANDS, lowered, percent, True, PRICE_AMOUNT

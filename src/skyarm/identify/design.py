@@ -61,7 +61,7 @@ PERIOD = 0.01
 
 SHRUNK, PATIENCE = 0.85, 20
 """Factor on the amplitudes that violate a limit, and number of rounds before all
-amplitudes are reduced."""
+amplitudes are reduced; 20 rounds leave 4 % of an amplitude."""
 
 
 @immutable

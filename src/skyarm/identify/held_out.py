@@ -332,6 +332,7 @@ def errors_of(ends: Ends, shares: Array) -> HorizonErrors:
     """
     predicted = (ends.off * shares[..., None, :]).sum(axis=1)
     left = ends.measured - predicted
+    # rotation vectors do not subtract: of attitudes the turn between both counts
     turn = PARTS.index("attitude")
     left[turn] = rotations_between(
         *(_attitudes(each[turn]) for each in (predicted, ends.measured))
@@ -359,7 +360,7 @@ def shares_of(ends: Ends) -> Array:
     """
     if not ends.measured.shape[1]:
         return np.stack([WHOLE] * len(PARTS))
-    student_quantile()
+    student_quantile()  # whose one-line error names the cure where SciPy is missing
     from scipy.optimize import lsq_linear
 
     # over a few samples all parts are within the noise: beyond 0 to 1 they would only
@@ -367,6 +368,8 @@ def shares_of(ends: Ends) -> Array:
     sizes = np.linalg.norm(ends.off, axis=2) + 1e-300
     shares = np.empty_like(sizes)
     for i, j in np.ndindex(len(sizes), 3):
+        # columns of length 1, and bounds likewise: free of units; with two unknowns
+        # bvls ends at the exact optimum
         size = sizes[i, :, j]
         shares[i, :, j] = (
             lsq_linear(

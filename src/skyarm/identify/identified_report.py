@@ -132,6 +132,7 @@ class IdentifiedReport:
             )
         lines += [f"{each.name}: {note}" for each in flights for note in each.notes]
         for each in flights:
+            # 1e-9: fewer than two samples have a rate of 0
             clock = 1.0 / max(each["gyro"].rate, 1e-9)
             lines += filter(
                 None, (period_note(each, self.start), rates_note(each, clock))

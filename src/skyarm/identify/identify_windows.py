@@ -578,6 +578,7 @@ def costs_of_absent(
     prior = np.array([each.spread for each in errors.unknowns])
     loose = loose_with(errors, fit.spread)
 
+    # no outliers: of a channel that is not there no error says anything, only slopes
     def widths(errors: WindowErrors, noise: Array, loose: Array) -> Array:
         _, _, normal = errors.normal(fit.values, fit.states, noise, outlier=math.inf)
         total = reduce(normal, fit.states.beside, loose, prior).total

@@ -500,6 +500,7 @@ def with_servos(vehicle: Vehicle, servoed: Sequence[bool]) -> Vehicle:
                 f"drives.{name}: must be a position_servo, or none: joint_commands are"
                 " its setpoints"
             )
+        # the joints' rows stand behind the six of the base
         inertia = float(
             mass_matrix(vehicle, Mat3.identity(), [0.0] * vehicle.n)[6 + i][6 + i]
         )

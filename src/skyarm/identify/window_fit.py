@@ -35,10 +35,11 @@ TURNS = 40
 
 SETTLED, SOONEST = 0.1, 3
 """Change of every parameter, in standard deviations, below which the search ends; and
-first iteration at which it may."""
+first iteration at which it may: the first with an estimated spread of the wrench."""
 
 TRIES, SHORTER = 6, 0.4
-"""Largest number of steps tried per iteration, and factor from one to the next."""
+"""Largest number of steps tried per iteration, and factor from one to the next: the
+last is a hundredth of the first."""
 
 FIRM, SLOWLY = 1e-3, 5.0
 """Least spread of the wrench over its prior size; largest factor of change per
@@ -111,7 +112,8 @@ def student_quantiles(influence: Array, information: Array) -> Array:
     sizes = np.einsum("kp,bpq,kq->kb", influence, information, influence)
     freedom = sizes.sum(axis=1) ** 2 / np.maximum((sizes**2).sum(axis=1), 1e-300)
     blocks = len(information)
-    # 0.975: of an interval of 95 % to both sides
+    # one block is lost to the mean of the scores; below one degree of freedom the
+    # quantile grows beyond use; 0.975: of an interval of 95 % to both sides
     return student(np.maximum(freedom * (blocks - 1) / blocks, 1.0), 0.975)
 
 
@@ -497,6 +499,7 @@ def new_memory(errors: WindowErrors, found: Array, there: Mask, noise: Array) ->
         follow = np.diff(windows) == 0
         square = float(np.mean(rows**2)) if follow.any() else 0.0
         if square > 0.0:
+            # below 1, whose logarithm is 0: an endless memory
             correlation = min(
                 float(np.mean((rows[1:] * rows[:-1])[follow])) / square, 1.0 - 1e-9
             )
@@ -583,7 +586,8 @@ def at_least(total: Array, before: Array) -> Array:
     if not size.size or not size.all():  # of a number of which nothing was known
         return total
     shares, axes = np.linalg.eigh(total / np.outer(size, size))
-    # in exact numbers no share is below 1, as data add to what was known
+    # in exact numbers no share is below 1, as data add to what was known; half, chosen,
+    # passes for harmless rounding
     if shares[0] >= 0.5:
         return total
     root = size[:, None] * axes * np.sqrt(np.clip(shares, 1.0, SHARPEST))

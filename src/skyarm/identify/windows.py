@@ -67,7 +67,8 @@ COASTING = 0.1
 lag."""
 
 RECOVERED = 3.0
-"""Time constants after coasting until a rotor's speed is predictable again."""
+"""Time constants after coasting until a rotor's speed is predictable again: 5 % of an
+error remains."""
 
 AROUND = 0.05
 """Time (s) to each side of an instant over which parabolas through the samples give an

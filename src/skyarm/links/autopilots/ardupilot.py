@@ -405,6 +405,7 @@ class ArduPilotLink(ProgramLink):
                     # connected, the socket takes datagrams of this sender only
                     self._peer = sender
                     self._udp.connect(sender)
+            # bytes 4 to 8 hold the count of frames
             if packet and (
                 self._frame < 0 or packet[4:8] != self._frame.to_bytes(4, "little")
             ):
