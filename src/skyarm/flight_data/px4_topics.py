@@ -78,6 +78,7 @@ def by_attitude(motion: RawTable, attitude: RawTable) -> RawTable:
     if len(time) < 3 or not late.any() or (np.diff(time) <= 0.0).any():
         return motion
     angle = integral_of(time, rates[good])
+    # 1e-6: attitudes may share a stamp
     step = (
         max(1, round(APART / max(float(np.median(np.diff(turned))), 1e-6)))
         if len(turned) > 1

@@ -66,7 +66,8 @@ METADATA = "metadata.yaml"
 """File in each folder of a ROS 2 bag."""
 
 LONGEST_LIST = 32
-"""Largest number of items of a list that become columns."""
+"""Largest number of items of a list that become columns; chosen, above the joints and
+rotors of a vehicle."""
 
 DEEPEST = 8
 """Largest nesting depth of messages."""
@@ -485,6 +486,7 @@ def _table(rows: _Rows, origin: int, *, of_px4: bool = False) -> RawTable:
             columns["accelerometer_time"] = (
                 columns[STAMP] + middle_of_mean(columns, "accelerometer")
             ) * 1e-6
+            # a sample without a span stays at its stamp
             stamps = stamps + np.nan_to_num(middle_of_mean(columns, "gyro")) * 1e3
     # as they were sent, not as they arrived
     order = np.argsort(stamps, kind="stable") if of_px4 else slice(None)

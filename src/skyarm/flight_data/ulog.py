@@ -191,6 +191,7 @@ def _table(name: str, rows: Mapping[str, AnyArray], start: int) -> RawTable:
         columns["accelerometer_time"] = (
             stamps + middle_of_mean(columns, "accelerometer")
         ) * SECOND
+        # a sample without a span stays at its stamp
         stamps = stamps + np.nan_to_num(middle_of_mean(columns, "gyro"))
     return RawTable(
         columns=columns, time=(stamps - start) * SECOND, origin=start * SECOND

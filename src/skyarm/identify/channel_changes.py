@@ -270,6 +270,7 @@ def _of_base(thrust: Array, along: str, attitude: bool) -> Iterator[ChannelChang
         "turn the vehicle as if it stood {:.0f} deg about z from its rotors' places",
     )
     board = "gyro", f"and accelerometer: {turned}"
+    # a cross flown as a plus, and quarter turns of a board
     turns = [45.0, -45.0, 90.0, -90.0, 180.0]
     price = PRICE_WHOLE
     if not upright:

@@ -521,6 +521,10 @@ def _turn(
 ) -> tuple[Array, Mask, NormalEquations, Reduced, WindowStates]:
     """One Gauss-Newton step in initial states and unexplained wrenches of windows, with
     known vehicle parameters.
+
+    Returns:
+        Residuals and mask (steps, W, sensor axes), the equations at the given states,
+        the same reduced to the windows' own unknowns, and the states after the step.
     """
     errors, there, normal = before.normal(NONE, states, noise)
     reduced = reduce(normal, states.beside, loose_with(before, spread), NONE)

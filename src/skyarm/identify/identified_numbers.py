@@ -277,8 +277,8 @@ def disagreement(
             -scale.rows @ spread @ (found.stretch_scores[own].sum(axis=0) + pulled)
         )
         variances.append(variances_of(scale.rows, spread))
-    # one flight has too few blocks for a variance by scores: its curvature is widened
-    # as that of all flights is
+    # curvature counts white noise alone: the variance of each flight is taken to be
+    # larger by the factor of all flights together
     noise = after / variances_of(scale.rows, found.curvature)
     variance = np.stack(variances) * noise
     weights = np.where(1.0 - variance / scale.before >= SHOWN, 1.0 / variance, 0.0)

@@ -288,7 +288,11 @@ def first_fits(
     windows.
 
     Dry friction that bends within small rates needs integration steps that only the fit
-    can tell: they are halved until that hardly moves what is flown.
+    can tell: they are halved until that hardly moves what is flown (steps of a log were
+    7 % off beside intervals of 0.02 %, where friction bends within 0.01 rad/s).
+
+    Returns:
+        Errors of the full-length windows, and the fit to them.
     """
     short = search.errors(search.first, FEW)
     near = fit_windows(short, search.begin, lasting=search.slow, progress=progress)
@@ -598,6 +602,7 @@ def costs_of_absent(
         return {}
     costs, measured = dict[str, Array](), widths(errors, fit.noise, loose)
     if absent:
+        # a copy, as the windows of the fit keep their own flights
         windows = copy.copy(errors.windows)
         windows.flights = [_with_pose(each, absent) for each in windows.flights]
         more = errors.over(windows)

@@ -210,7 +210,7 @@ def _isolate(
     except ValueError:  # of a page or a studio, which do not need it
         return
     aligned, clock = align_poses(flight)
-    # a second before: the section loses SETTLING at its begin once more
+    # a second before, or the section would lose SETTLING at its begin once more
     begin = flying_spans(commanded_speeds(flight, start), start)[0][0] - 1.0
     flights = (
         flight.section(begin, begin + SECONDS),
@@ -565,6 +565,7 @@ class Leavings:
             return None
         adrift = Left(dict.fromkeys(errors.rows, math.inf))
         try:
+            # overflow is an answer here, and told by what is not finite below
             with np.errstate(all="ignore"):
                 fit = fit_windows(errors, search.begin, turns=turns)
         except (ValueError, np.linalg.LinAlgError):

@@ -446,6 +446,7 @@ class ClockedWindows:
             if places is None
             else places
         )
+        # firsts has one entry more, the end of the last flight
         begins = np.concatenate(
             [first + part for first, part in zip(self.firsts, rows, strict=False)]
         )

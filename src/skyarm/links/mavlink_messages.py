@@ -141,6 +141,7 @@ def _declared_fields(text: str) -> Iterator[MavlinkField]:
     """Parse the field list of a message definition: type, names, ``;`` between types,
     ``+`` before extensions.
     """
+    # most messages have no extensions, and no second part
     for part, extension in zip(text.split("+"), (False, True), strict=False):
         for group in part.split(";"):
             kind, *names = group.split()

@@ -139,6 +139,7 @@ class Tape:
                         )
                 self._file.write(_pack(self.time, what, channel, data))
         except TranscriptError:
+            # a second error of the same disk tells less than the first
             with contextlib.suppress(TranscriptError):
                 self.close()
             raise

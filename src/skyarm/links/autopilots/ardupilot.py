@@ -326,6 +326,7 @@ class ArduPilotLink(ProgramLink):
         """
         assert self._udp is not None
         if time.monotonic() - self._arrived > REPEATED:
+            # a program that is gone is noticed where the answer is sent
             with contextlib.suppress(ConnectionError):
                 self._repeated += len(drain(self._udp))
         self._send_line(line)

@@ -220,6 +220,7 @@ class PX4Link(ProgramLink):
             )
             command = [
                 str(program),
+                # no shell; then number of the instance, and working folder
                 "-d",
                 "-i",
                 str(ports.instance),
@@ -259,6 +260,7 @@ class PX4Link(ProgramLink):
         """Send the sensor readings and the set point of an instant; wait for the rotor
         signals of the same time.
         """
+        # of time 0, too, above 0, which is no time in PX4
         stamp = round(now.time * 1e6) + 1
         self._steps += 1
         self._send(
@@ -373,6 +375,7 @@ class PX4Link(ProgramLink):
         if heard and time.monotonic() > until:
             return b""
         try:
+            # a timeout of 0 would not wait at all, and one below it is refused
             self._tcp.settimeout(max(until - time.monotonic(), 1e-4))
             data = self._tcp.recv(65536)
         except TimeoutError:
@@ -448,6 +451,7 @@ class PX4Link(ProgramLink):
         ignored.
         """
         assert self._udp is not None
+        # one of ours found nobody: whether PX4 lives shows at the simulator's port
         with suppress(ConnectionError):
             return b"".join(
                 data for data, sender in drain(self._udp) if sender == self._partner

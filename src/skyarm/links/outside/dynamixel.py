@@ -151,7 +151,8 @@ class DynamixelJoints(JointLink):
         """Stop the thread and close the serial port; the servos keep their position."""
         if self._running:
             self._running = False
-            # joined before the port is closed, so that no packet is cut
+            # joined before the port is closed, so that no packet is cut; a second,
+            # chosen, so that a bus that hangs does not keep the program
             self._thread.join(1.0)
             self._port.closePort()
 

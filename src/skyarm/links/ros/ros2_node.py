@@ -54,7 +54,9 @@ LOOPBACK_ONLY = f"""<CycloneDDS><Domain>
 <Peers><Peer address="{LOOPBACK}"/></Peers>
 <SPDPInterval>{ANNOUNCED}</SPDPInterval></Discovery>
 </Domain></CycloneDDS>"""
-"""Configuration that exchanges no messages with other machines."""
+"""Configuration that exchanges no messages with other machines. Without multicast a
+node is announced to the ports of each index up to 32: so many nodes on this machine
+find each other."""
 
 
 class Ros2Node:

@@ -293,6 +293,7 @@ class _AgentInputs:
             if scenario.autopilot is None
             else []
         )
+        # a vehicle without joints has one topic of goals
         self._goals = [
             *zip(
                 goal_topics(scenario, name),
