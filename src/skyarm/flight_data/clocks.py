@@ -49,7 +49,7 @@ POSE = ("position", "velocity", "quaternion")
 """Channels of motion capture, on one clock."""
 
 NEGLIGIBLE = 1e-3
-"""Delay (s) of a sample that is negligible."""
+"""Delay (s) of a sample that is negligible: at 1 rad/s an attitude is 1 mrad off."""
 
 STEP = 0.06
 """Shortest interval (s) over which the slower stream is differenced: 1 mm of noise in a
@@ -61,11 +61,11 @@ limit."""
 
 LEAST_CORRELATION, FIRM_CORRELATION = 0.5, 0.9
 """Least correlation of a found offset, and of one beyond the usual offsets within a
-file."""
+file: a quarter, and four fifths, of the variance in common; chosen."""
 
 RIVAL, RIVALS = 0.97, 5
 """Fraction of the best correlation that no other offset may reach; number of other
-peaks that are compared with it."""
+peaks that are compared with it. Both chosen: the number bounds the time."""
 
 SHARED = 0.5
 """Least fraction of the rows at one offset that must lie within the reference at a

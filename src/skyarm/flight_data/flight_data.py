@@ -243,7 +243,7 @@ given."""
 
 PAUSE = 5.0
 """Length (s) of a gap in all channels from which on it separates two flights of a
-file."""
+file; chosen, beyond the gaps of a logger that loses rows."""
 
 
 def split_path(path: PathLike) -> tuple[str, int]:

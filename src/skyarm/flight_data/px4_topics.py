@@ -15,7 +15,7 @@ from skyarm.records.arrays import Array
 
 LATEST = 0.1
 """Largest time (s) between a PX4 message and the sample that it is of for which the
-sample's own stamp counts."""
+sample's own stamp counts; chosen: more is damage, or no reading."""
 
 BOTH_WAYS = (
     "rotor_commands: are left out, as PX4's motors turn both ways (CA_R_REV); a"

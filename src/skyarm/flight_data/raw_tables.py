@@ -39,7 +39,8 @@ SMALLEST, LARGEST = 1e-6, 1e6
 length."""
 
 UNUSED = 200
-"""Largest number of unused columns that a flight lists."""
+"""Largest number of unused columns that a flight lists; chosen, as a log of PX4 has
+thousands."""
 
 # sources are listed by quality, so a little jitter of rates is no reason to change
 FASTER = 1.2

@@ -30,7 +30,8 @@ DEEPEST = 8
 """Largest nesting depth of formats."""
 
 IN_A_ROW = 3
-"""Number of consecutive intact messages at which reading resumes after damage."""
+"""Number of consecutive intact messages at which reading resumes after damage; chosen:
+one alone may be made up of lost bytes."""
 
 SIZES: Mapping[bytes, int] = {
     kind: size

@@ -57,11 +57,12 @@ from skyarm.records.immutable import positional
 from skyarm.vehicle import Vehicle
 
 APART = 0.1
-"""Time (s) between the starts of two predictions."""
+"""Time (s) between the starts of two predictions; chosen, as nearer ones tell much the
+same."""
 
 LEARNT, ONCE = 300, 2000
 """Largest number of predictions in the fitted flights that determine how a past counts,
-and of one-step predictions."""
+and of one-step predictions; chosen, for the time that they take."""
 
 PASTS, MEMORIES = (0.1, 0.35), (0.0, 0.1, 1.0)
 """Candidate durations (s) of the past that shows the unexplained part, and candidate
@@ -85,7 +86,8 @@ mean in its own flights, so they cannot show it; in others battery, wind and tri
 differ."""
 
 ROUNDS = 4
-"""Number of iterations of the estimate of sensor noise and wrench spread."""
+"""Number of iterations of the estimate of sensor noise and wrench spread, chosen; the
+spread is estimated from the second on."""
 
 
 def predict_held_out(

@@ -62,11 +62,11 @@ from skyarm.vehicle import Vehicle
 
 FIRST, WHOLE, SLOW = 0.06, 0.25, 1.0
 """Lengths (s) of the first windows, whose problem is nearly linear, of the last ones,
-and with commands below 40 Hz."""
+and with commands below 40 Hz, of which some must lie in a window: ten at 10 Hz."""
 
 FEW, SOME = 200, 60
 """Largest number of first windows, and number of full-length windows with which the
-last search begins."""
+last search begins; chosen, for the time of its first turns."""
 
 FEWEST = 4
 """Least number of windows."""
@@ -87,7 +87,8 @@ EARLIEST, EARLY = -0.75, -0.15
 half a period and less, by their dead time."""
 
 TURNING, LATE = 0.05, 0.005
-"""Prior standard deviations of a gyroscope's bias (rad/s) and of a pose's delay (s)."""
+"""Prior standard deviations of a gyroscope's bias (rad/s), 3 deg/s, and of a pose's
+delay (s), beyond that which was aligned; chosen."""
 
 
 @immutable(eq=False)

@@ -44,7 +44,8 @@ LOOSE, CARRIED = 0.3, 0.25
 weight, at the rotors' distance for revolute joints."""
 
 HAT = 0.02
-"""Spacing (s) of the hat functions of an unlogged effort."""
+"""Spacing (s) of the hat functions of an unlogged effort, which thus follow one of up
+to 25 Hz."""
 
 OUTLIER = 3.0
 """Standard deviations above which an error counts linearly (Huber 1964)."""
@@ -59,7 +60,8 @@ SAME = 0.1
 accounts for it."""
 
 CHUNK = 24
-"""Number of steps whose slopes are held in memory at once."""
+"""Number of steps whose slopes are held in memory at once, summed by one product of
+matrices; chosen: more take more memory, fewer more products."""
 
 PUSH, TWIST = 1.0 / 15.0, 1.0 / 40.0
 """Prior size of the unexplained force and torque, over the weight and the weight times

@@ -54,10 +54,12 @@ FAINT, LASTS = 0.05, 0.25
 fraction of a window: with more of it a fit of commands at 10 Hz did not settle."""
 
 BLOCK = 2.0
-"""Duration (s) of a block of data whose errors may be correlated."""
+"""Duration (s) of a block of data whose errors may be correlated: eight windows;
+chosen, as longer ones leave few blocks of a flight."""
 
 MANY = 10
-"""Number of blocks needed to see whether the errors are noise alone."""
+"""Number of blocks needed to see whether the errors are noise alone: Student's t of
+nine degrees is 15 % above the normal quantile."""
 
 NORMAL = 1.959964
 """Half-width of a 95 % interval in standard deviations, for a known spread (normal

@@ -37,7 +37,7 @@ fill the memory; chosen."""
 
 FRESH = 0.2
 """Wall-clock time (s) of silence after which the arm's owner takes the joints back from
-a commander."""
+a commander; chosen: twenty setpoints at 100 Hz."""
 
 
 class JointPortError(ValueError):

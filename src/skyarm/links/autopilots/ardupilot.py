@@ -51,7 +51,8 @@ from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle import Vehicle
 
 HOME = (47.397742, 8.545594, 488.0)
-"""Latitude and longitude (deg) and altitude (m) of the world's origin."""
+"""Latitude and longitude (deg) and altitude (m) of the world's origin: the same place
+as under PX4."""
 
 START = 1_767_225_600
 """Unix time (s) at which each flight begins, as ArduPilot's satellites report it

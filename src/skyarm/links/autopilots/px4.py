@@ -55,7 +55,8 @@ number of answers in a row after which PX4 commands them again. Chosen: below 1 
 flight can catch up with real time."""
 
 BOOT_STEP = 0.02
-"""Wall-clock time (s) between sensor messages until PX4 answers the first."""
+"""Wall-clock time (s) between sensor messages until PX4 answers the first, after 10 to
+18 of them (measured)."""
 
 OUTSIDE_PARAMETERS = {
     "IMU_INTEG_RATE": 250,

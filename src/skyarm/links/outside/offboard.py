@@ -68,7 +68,7 @@ abandoned."""
 
 MODE_KNOWN = 2.5
 """Time (s) after the take-over from which the mode in a heartbeat counts; an older one
-may still be in transit."""
+may still be in transit, and two of one a second have come by then."""
 
 LINK_LOST, TAKEN_BACK, DIVERGED, STOPPED = (
     "link_lost",
