@@ -157,5 +157,6 @@ class MessageAxes:
         return {
             "quaternion": found["position"],
             **found,
+            # of a message that does not number them they are those of its pose
             "velocity": found["velocity"] or found["position"],
         }

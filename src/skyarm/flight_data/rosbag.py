@@ -549,6 +549,7 @@ def _of_vehicle(
     own = vehicles[place] if vehicles else frozenset[str]()
     others = frozenset[str]().union(*vehicles) - own
     parts = {topic: frozenset(topic.split("/")) for topic in kinds}
+    # what is this vehicle's but for the name is the topic of one without a name
     of_this = {each - own for each in parts.values() if own & each}
     return {
         topic: kinds[topic]
@@ -660,6 +661,7 @@ def _signals(
     pulses = dict[str, Array]()
     for name in source.columns:
         sent = table.numbers(name)
+        # what lies beyond is sent for a channel that is off
         is_pulse = (sent >= PULSES[0]) & (sent <= PULSES[1])
         if is_pulse.any():
             pulses[name] = np.where(is_pulse, sent, np.nan)

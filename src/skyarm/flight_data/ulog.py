@@ -303,6 +303,7 @@ def _rotor_commands(
                 columns=tuple(f"control[{k}]" for k in range(count)), topic=topic
             )
         )
+    # why outputs do not count is news only where nothing else tells the commands
     shares, is_sure = _shares(tables, parameters, count, [] if has_motors else notes)
     if shares is not None:
         tables[SHARES] = shares

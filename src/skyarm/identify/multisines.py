@@ -120,6 +120,7 @@ class Segment:
         zero = np.zeros(len(times))
         return np.stack(
             [
+                # a derivative may be one number for all times
                 [zero + each for each in signal.derivatives(times)[:3]]
                 for signal in signals
             ],

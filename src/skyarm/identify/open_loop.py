@@ -396,6 +396,7 @@ def places_of(
     rows = [
         np.arange(max(a + before, first), b, every) for a, b in runs_of(flight.usable)
     ]
+    # the empty array, as of no usable part there is nothing to join
     return np.concatenate([np.zeros(0, int), *rows])
 
 

@@ -927,6 +927,7 @@ def in_halves(
     """
     share = late / step
     mean = share * before + (1.0 - share) * after
+    # halves m - h and m + h have, about the step's begin, the moment m / 2 + h / 4
     half = 2.0 * share * (1.0 - share) * (after - before)
     return mean - half, mean + half, np.full_like(late, 0.5 * step)
 

@@ -188,6 +188,7 @@ class WindowFit:
                 )
             )
         )
+        # by scores over by curvature: more windows of the same kind keep this factor
         wider = np.sqrt(np.diag(self.covariance) / np.diag(self.curvature))
         return dataclasses.replace(
             self,
@@ -406,6 +407,7 @@ def reduce(
         loose: (x,) standard deviations of the free numbers before.
         prior: (P,) those of the numbers.
     """
+    # first states are drawn nowhere, what is beside the model is drawn to 0
     off = np.zeros_like(normal.pull)
     off[:, off.shape[1] - beside.shape[1] :] = beside
     inverse: Array = np.asarray(np.linalg.inv(normal.own + np.diag(loose**-2.0)))

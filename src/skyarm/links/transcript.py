@@ -175,6 +175,7 @@ def _rows_for(name: str, rows: Iterator[Row], file: str) -> Iterator[Row]:
         TranscriptError: it is that of another autopilot.
     """
     first = next(rows, None)
+    # one that was recorded without a name begins with the exchange
     if first is None or first[1] != AUTOPILOT:
         return rows if first is None else itertools.chain([first], rows)
     if name and first[2] != name.encode():

@@ -148,6 +148,7 @@ def find_etc(program: Path) -> Path:
     Raises:
         ScenarioError: there is none.
     """
+    # of a link in another folder the program itself has it beside it
     for file in (program, program.resolve()):
         for place in (file.parent / "etc", file.parent.parent / "etc"):
             if place.is_dir():
@@ -298,6 +299,7 @@ class PX4Link(ProgramLink):
         while True:
             data = self._tape.receive("simulator", partial(self._read, until, heard))
             if not data:
+                # a shorter pause is one in which PX4 need not answer
                 self._missed += self._answered > 0 and pause >= HALT
                 self._row = 0
                 self._silence += pause

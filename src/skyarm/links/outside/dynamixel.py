@@ -166,6 +166,7 @@ class DynamixelJoints(JointLink):
                 )
             self._prepare()
         except BaseException as error:
+            # Ctrl-C, too, leaves no port open
             self._shut()
             if isinstance(error, OSError):
                 raise JointPortError(
