@@ -329,6 +329,7 @@ def _rows_due(rows: npt.NDArray[np.intp], time: Array, count: int) -> int:
     """
     between = np.diff(rows) - 1
     if step := _usual_step(np.diff(time)):
+        # a gap in time loses no more rows than the table has there
         lost = np.clip(np.round(np.diff(time) / step) - 1.0, 0.0, between)
         return rows.size + int(lost.sum())
     # the ceiling of the quotient

@@ -277,7 +277,7 @@ def _by_geometry(identified: Identified, start: Vehicle) -> Iterator[Found]:
             float(about @ np.cross(was, at)),
             float(was @ at - (about @ was) * (about @ at)),
         )
-        # half an interval as an angle, at its distance from the axis
+        # half an interval as an angle, at its distance from the axis, which may be 0
         half = max(0.5 * (c.high - c.low) for c in centre if c) / max(
             norm(np.cross(about, was)), 1e-9
         )

@@ -431,7 +431,8 @@ def second_moments(base: Body) -> tuple[float, float, float]:
     two are moments of inertia.
     """
     xx, yy, zz = (float(getattr(base.inertia, axis)) for axis in ("xx", "yy", "zz"))
-    # a flat body has a moment of 0 along its normal, which has no logarithm
+    # a flat body has a moment of 0 along its normal, which has no logarithm; a
+    # hundredth of the sum is chosen, and 1e-12 is for a body without inertia
     least = max(0.01 * (xx + yy + zz), 1e-12)
     x, y, z = second_moments_of(xx, yy, zz)
     return max(x, least), max(y, least), max(z, least)
