@@ -72,6 +72,7 @@ def friction_rate(vehicle: Vehicle) -> float:
     if not D.any():
         return 0.0
     if not np.all(np.isfinite(D)):
+        # argmin of truth values: the first joint that is not finite
         raise VehicleError(_blame(joints[int(np.argmin(np.isfinite(D)))], math.inf))
     # D^1/2 A D^1/2 has the eigenvalues of A D and is symmetric
     rate, mode = fastest_mode(vehicle, np.sqrt(D))
@@ -336,4 +337,5 @@ def touch_steps(
     for vehicle, numbers, state in zip(vehicles, stops, states, strict=True):
         rate = maximum(rate, stop_rate(vehicle, numbers, state, seconds))
     # minus the floor of the negative is the ceiling, which scalars do not have
+    # less 1e-9: a quotient that is whole up to rounding takes no step more
     return minimum(-floor(1e-9 - rate * seconds * (1.0 / largest)), float(MOST_STEPS))

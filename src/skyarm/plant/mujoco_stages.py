@@ -220,6 +220,7 @@ class StagedRungeKutta:
                 self._moving[:] = self._move_state
         for each in self._welds:
             self._solve()
+            # at the state that is reached: the last stage was solved at its estimate
             at["memory"][each.forces] = each.wrenches()
         return at["now"].tolist(), at["memory"].tolist()
 

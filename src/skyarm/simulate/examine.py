@@ -502,6 +502,8 @@ class UserPart:
                 for name in ("largest_step", "frequency", "latency")
             }
             with suppress(Exception):
+                # what a constructor gives is compared here, as _as_constructed keeps
+                # the values; a record that cannot be made of its fields gives nothing
                 own["__post_init__"] = leaves(replace(self.record))
             return {"start": memory, **own, **results}
 
@@ -842,7 +844,10 @@ def _try_elsewhere(
             seed = "1" if os.environ.get("PYTHONHASHSEED") == "0" else "0"
             done = subprocess.run(
                 [
+                    # an embedded Python knows no path: an empty one is an OSError, told
+                    # as a warning
                     sys.executable or "",
+                    # writes no byte code beside the user's files
                     "-B",
                     "-c",
                     PROGRAM,

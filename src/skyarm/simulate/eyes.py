@@ -126,12 +126,15 @@ class RangeImage:
         depth = true
         if sensor.noise.any:
             numbers = normal(*self.keys, true.size).reshape(true.shape)
+            # without a hit any depth will do: its noise is lost in the sum with
+            # infinity
             met = np.where(np.isfinite(true), true, 0.0)
             depth = true + sensor.noise.deviation(met) * numbers
         if sensor.grazing:
             across = np.abs((self.normal * self.directions).sum(axis=-1))
             least = np.sin(sensor.grazing) * np.linalg.norm(self.directions, axis=-1)
             depth = np.where(across < least, np.nan, depth)
+        # by the true distance: noise carries no hit out of the range
         depth = np.where(true > sensor.farthest, np.inf, depth)
         return np.where(true < sensor.nearest, -np.inf, depth)
 
@@ -192,6 +195,8 @@ class Eyes:
                 shapes.append((carrier.name, [*map(part_of, carrier.surfaces)]))
         bases = dict[str, int]()
         for agent, vehicle in scenario.vehicles.items():
+            # BASE is -1: with it the index is that of the base, the first of these
+            # shapes
             bases[agent] = len(shapes) - BASE
             for link, name in enumerate(body_names(vehicle), BASE):
                 own = [each for each in vehicle.shapes if each.link == link]
@@ -258,6 +263,7 @@ class Eyes:
     def frames(self, name: str, log: Log) -> Iterator[RangeImage]:
         """Pictures of a flight from its log, one at a time, when the sensor is due."""
         camera, changes = self._camera(name), stretches(self._scenario)
+        # times are k / rate up to rounding
         ticks = np.rint(log.time * self._scenario.rates.control).astype(int)
         due = np.flatnonzero(ticks % camera.every == 0)
         if len(changes) > 1:

@@ -417,6 +417,7 @@ def warn_of_measured_limits(scenario: Scenario, paths: Sequence[str]) -> None:
                 warnings.warn(
                     f"{words}; state controller.safety.stiffness and damping",
                     MeasuredLimitsWarning,
+                    # the line of the user who made the batch
                     3,
                 )
 

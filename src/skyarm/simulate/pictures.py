@@ -81,6 +81,7 @@ class ArrivingPictures:
             every = rates.periods_between(sensor.frequency)
             late = round(sensor.latency * rates.control)
             self._clocks[name] = every, late
+            # as many as may be on their way, and the newest that has arrived
             size = -(-late // every) + 1, lanes, 1 + prod(sensor.shape)
             self.taken[name] = np.full(size, np.nan)
 

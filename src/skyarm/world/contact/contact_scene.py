@@ -281,6 +281,7 @@ def _point_shapes(points: Iterable[ContactPoint], vehicle: Vehicle) -> Iterator[
             f"point/{point.name}", "point", "sphere", body, (radius or least,), place
         )
         if math.hypot(*place) > 2.0 * least:
+            # the rod is thinner than the ball, so that this stands out (chosen)
             ends = (0.0, 0.0, 0.0), place
             yield shape_between(
                 f"stalk/{point.name}", "boom", "capsule", body, 0.4 * least, *ends

@@ -271,6 +271,8 @@ class ContactSteps(TouchingBodies):
                 fastest, where(misses(each.touch, seconds), 0.0, slip.dot(slip))
             )
         rush = self._fastest_near(memory, motion, seconds)
+        # a square with its sign: where no bodies are near, rush is -1 and asks for
+        # nothing
         fastest = maximum(fastest, rush * absolute(rush))
         asked = sqrt(fastest) * (self.hit_steps / HIT)
         finer = clip(

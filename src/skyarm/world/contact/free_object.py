@@ -216,6 +216,7 @@ class FreeObject(Carrier[ObjectMotion]):
         body is large.
         """
         far = place.norm()
+        # the surface lies within one of it, and the body is at most two wide
         most = 3.0 * self.surfaces[0].farthest
         if concrete(far, most) and far > most:
             words = (

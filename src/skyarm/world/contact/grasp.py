@@ -144,6 +144,8 @@ class Grasp:
             together: all grasps of it, this one among them.
             euler: of semi-implicit Euler steps.
         """
+        # a fixed grasp turns the tip, too: as much again where its radius of gyration
+        # is that of the patch
         tip = 1.0 / LIGHTEST * (2.0 if self.kind == "fixed" else 1.0)
         square, decay = self.stiffness * tip, self.damping * tip
         # one body between several springs swings by the sum of their stiffnesses

@@ -74,6 +74,7 @@ def require_bodies_apart(contact: Contact, motion: PointMotion) -> None:
         mass = max(float(getattr(each, "mass", 0.0)) for each in both)
         touch = touch_of_bodies(record)
         normal, depth = float(touch.normal), float(touch.depth)
+        # 1e-9 N: without weight any force is too large
         if normal > MOST * max(mass * float(motion.gravity), 1e-9):
             raise ValueError(
                 f"world: {pair.name} start {depth:.3g} m inside each other, which would"

@@ -446,6 +446,7 @@ class TouchingBodies(Force[ContactMemory]):
                 beside = self.vehicle_bodies[pair.index].mass
                 light = minimum(mass, beside) < LIGHTEST
                 mass = where(light, reduced_mass(mass, beside), LIGHTEST)
+            # 1e12 N s/m is no bound: the steps of other bodies bear their damping
             most = where(mass < LIGHTEST, divide(mass * DAMPED, step), 1e12)
             mean: Scalar = step
             if pair.other == "surface":

@@ -255,6 +255,7 @@ class Placed:
 
 
 # 16 is chosen: a miss costs 10 to 30 ms of a six-joint arm (measured)
+# 16 is chosen: vehicles of a flight stay; another one costs a trace (3 ms)
 @lru_cache(maxsize=16)
 def _program(vehicle: Vehicle) -> Program:
     """Compiled program that computes the world poses of all bodies and the tip

@@ -299,6 +299,7 @@ class Team(VirtualMasses, Component[TeamMemory]):
         path = member.path(self.motion, self.take)
         if coerce.absent(member.length):
             return path
+        # sampled_curve takes BEYOND samples more at both ends
         t = np.arange(-BEYOND, math.ceil(duration / STEP) + 1 + BEYOND) * STEP
         desired = self.motion.at(t)
         forces = self.load(desired, gravity, t)
@@ -709,6 +710,7 @@ def load_fraction(motion: PoseTrajectory, t: Scalar, rise: Scalar) -> Scalar:
 
 
 def _smooth(u: Scalar) -> Scalar:
+    # quintic: its first and second derivatives are 0 at both ends
     return u * u * u * (10.0 + u * (6.0 * u - 15.0))
 
 
