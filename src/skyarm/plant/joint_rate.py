@@ -289,6 +289,7 @@ def stop_rate(
     joint at no more than 1 / c. Several joints' squares add up.
     """
     square: Scalar = 0.0
+    # numbers are () where they are not known: no stop counts then
     rows = zip(vehicle.links, numbers, state.joints, state.joint_rates, strict=False)
     for link, (mobility, acceleration), q, qd in rows:
         joint = link.joint

@@ -343,6 +343,7 @@ class MujocoPlant:
         forward = self._forward
         given, coupled, remembered = self._around, self._coupled, self._remembered
         armature = model.dof_armature
+        # a copy: each step adds its own friction to these
         own = model.dof_armature.copy()
         joints = [*chain(*self._layout.joints)]
         try:
@@ -386,6 +387,7 @@ class MujocoPlant:
         """
         self._loads.step()
         with QUIET:
+            # the step above made the forces with which the first stage begins
             memory = self._around[self._coupled]
             start = self._layout.to_mujoco(state)
             given = (*command, *around)

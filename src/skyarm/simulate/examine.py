@@ -421,6 +421,7 @@ class UserPart:
         if self.kind == "ending" and own.sees:
             function = partial(function, images=given["images"])
         names = ("self", *inspect.signature(function).parameters)
+        # a parameter with a default, as the images of an ending, has no value here
         arguments = dict(zip(names, (own, *values), strict=False))
         before = contents(arguments)
         try:
@@ -428,6 +429,7 @@ class UserPart:
         except KeyError as error:
             name = next(iter(error.args), None)
             readings = given["readings"]
+            # still a function: no readings were made, so the key is none of theirs
             if callable(readings) or not isinstance(name, str) or name in readings:
                 raise
             there = (

@@ -365,6 +365,7 @@ class Eyes:
         poses = list[tuple[Array, Array]]()
         for contact, moved in zip(self._scenario.worlds, varied.worlds, strict=True):
             for each, placed in zip(contact.surfaces, moved.surfaces, strict=True):
+                # parts stand at the surfaces' own positions: only the change is a pose
                 away = placed.place(times)[0] - each.position
                 poses.append((upright, vectors(away, count)))
             poses += carrier_poses(contact, carried, count).values()

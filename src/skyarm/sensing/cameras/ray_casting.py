@@ -26,6 +26,7 @@ WIDTH = 16 + SIZES + 3
 """Numbers of a row (:class:`skyarm.sensing.cameras.rays.ShapeRow`)."""
 
 
+# without a bound: there are no more than sets of kinds of shapes
 @cache
 def _kernel(kinds: tuple[str, ...]) -> Kernel:
     """Machine code that meets rays with shapes of some kinds."""
@@ -76,6 +77,7 @@ class RayCaster:
         self.directions = directions
         self.owners = owners
         self.parts = parts
+        # sorted: a set has no order, and the kinds are the key of the code
         kinds = tuple(sorted({each.shape.shape for each in parts}))
         self._kernel = _kernel(kinds)
         flat = directions.reshape(-1, 3)

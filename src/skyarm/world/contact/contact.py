@@ -408,6 +408,8 @@ class Contact(ContactSteps):
             force = torque = ZERO3
             for each in meetings:
                 if i in (each.of, each.by):
+                    # the force is that on the body ``by``; the one whose surface it is
+                    # gets the opposite
                     push = each.touch.force if each.by == i else -each.touch.force
                     force = force + push
                     torque = torque + (each.place - origin).cross(push)

@@ -111,6 +111,7 @@ class Grasp:
                 f"grasp.release = {self.release:g}: must be after close,"
                 f" {self.close:g} s"
             )
+        # files of a log write names with / and , between them
         if any(letter in self.name for letter in "/,"):
             coerce.refuse("grasp.name", self.name, "must be without / and ,")
 

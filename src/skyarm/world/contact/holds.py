@@ -96,6 +96,8 @@ class Holds:
         """Force and torque of each gripper on each movable body, zero for bodies not
         held, as [gripper][body].
         """
+        # of all bodies: which one is held is a number of the memory, by which no trace
+        # branches
         possible = self.possible(memory.grips, frames, self.bodies(memory.carried))
         return [
             [

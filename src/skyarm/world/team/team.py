@@ -469,6 +469,7 @@ class Team(VirtualMasses, Component[TeamMemory]):
     def instructions(self, memory: TeamMemory) -> dict[str, Scalars]:
         """Instructions of the law to each member, by its name."""
         return dict(
+            # a team that steers by nothing has no instructions
             zip((each.agent for each in self.members), memory.carries, strict=False)
         )
 
