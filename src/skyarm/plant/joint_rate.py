@@ -264,6 +264,8 @@ def joint_numbers(vehicle: Vehicle) -> JointNumbers:
             rows = np.stack([np.einsum("sii->si", mobility), mobility @ efforts]).max(
                 axis=1
             )
+            # the sampled configurations are no mirror images: mirrored joints get one
+            # number
             rows = of_mirrored(rows, mobility)
             # powers of two: nearly equal vehicles share one compiled program
             most = np.exp2(np.ceil(np.log2(rows))).T.tolist()
@@ -299,6 +301,8 @@ def stop_rate(
             speed = absolute(qd) + acceleration * seconds
             # the same bound on the way decides whether a stop can be met
             near = maximum(q - joint.upper, joint.lower - q) + speed * seconds > 0.0
+            # 1 + 2 c v is no less than 1 + c v of the spring nor 2 c v of the damping
+            # alone
             stiffness = joint.stop_stiffness * (1.0 + 2.0 * joint.stop_damping * speed)
             square = square + where(near, mobility * stiffness, 0.0)
     return sqrt(square)
@@ -313,6 +317,7 @@ def friction_bound(
     largest: Scalar = 0.0
     for vehicle, own in zip(vehicles, numbers, strict=True):
         rate: Scalar = 0.0
+        # own is () where the numbers are not known, and bounds nothing then
         for joint, (mobility, _) in zip(vehicle.joints, own, strict=False):
             # a trace bounds the largest eigenvalue, and needs no matrix in the program
             rate = rate + mobility * (

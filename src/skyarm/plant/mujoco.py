@@ -359,6 +359,7 @@ class MujocoPlant:
                     # went wrong
                     forward(model, data)
                     if rk4:
+                        # 4: of fourth order
                         mujoco.mj_RungeKutta(model, data, 4)
                     else:
                         mujoco.mj_Euler(model, data)
@@ -417,6 +418,7 @@ class MujocoPlant:
         x = self._layout.to_mujoco(state)
         nq = self._layout.nq
         self._qpos[:], self._qvel[:] = x[:nq], x[nq : nq + self._layout.nv]
+        # the last input is the step, of which the caller knows
         self._loads.inputs[:-1] = (*x, *command, *around)
         for each in self._welds:
             each.begin(self._around)

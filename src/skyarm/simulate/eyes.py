@@ -339,6 +339,7 @@ class Eyes:
             # the contact model is the last of the shared ones
             memory = cast("ContactMemory", now.components[-1])
             pairs = zip(contact.carriers, memory.carried, strict=True)
+            # advanced as a period does before it logs: attitudes of unit length
             numbers = [x for each, m in pairs for x in each.logged(each.advance(m))]
             columns = cast("Any", contact.carriers)
             for name, values in by_array(columns, numbers).items():

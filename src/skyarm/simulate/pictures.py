@@ -47,6 +47,7 @@ def blank_images(scenario: Scenario, names: Iterable[str]) -> Images:
     return tuple(
         Image(
             time=0.0,
+            # laws are tried with it, too, and may divide by a depth
             depth=(1.0,) * (rows * columns),
             rows=rows,
             columns=columns,

@@ -292,6 +292,7 @@ class ContactSteps(TouchingBodies):
         count = self.meeting_count
         bodies = memory.bristles[count:]
         up = (ZERO3_DATA,) * len(bodies)
+        # alone() left bristles of bodies as they were: after a time apart they stand up
         bodies = blend(memory.apart[0] > 0.5, up, bodies)
         bristles = (*memory.bristles[:count], *bodies)
         return replace(memory, bristles=bristles, apart=(0.0,))

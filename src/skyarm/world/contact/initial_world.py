@@ -33,6 +33,7 @@ def require_start_outside(
     motion = PointMotion(vehicle, state)
     weight = float(vehicle.mass) * gravity
     weights = [float(getattr(each, "mass", 0.0)) * gravity for each in contact.carriers]
+    # neither period nor draws enter the first state of a contact
     for each in contact.meetings(contact.start(1.0, ()), motion):
         touching = weight if each.by == NOBODY else weights[each.by]
         # the heavier of the two: a light body may lie on a heavy one, and the reverse;

@@ -143,6 +143,7 @@ def stand_vehicle(
     Raises:
         ValueError: one line: nothing carries it there, or it tips over.
     """
+    # neither period nor draws enter the first state of a contact
     memory = contact.start(1.0, ())
     weight = float(vehicle.mass) * gravity
 
@@ -593,6 +594,7 @@ def _meetings_of(contact: Contact) -> Callable[[Sequence[Tree]], list[Meeting]]:
     """
     bodies = replace(contact, points=())
     step = contact.largest_step
+    # neither period nor draws enter the first state of a contact
     memory = bodies.start(1.0, ())
     return lambda motions: meetings_of(
         bodies, motions, (), memory.time, memory.bristles, step

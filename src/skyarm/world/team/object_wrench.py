@@ -400,6 +400,7 @@ class ObjectWrench(Sharing):
         sent, since = self._send(own, inputs, dt)
         late = (sent, *own.late)
         received = list(zip(late[-1], holding, strict=True))
+        # 0 while a message is too old: internal forces are left as they are
         fresh = reduce(
             mul, (where(m.age * h > self.timeout, 0.0, 1.0) for m, h in received)
         )
