@@ -350,6 +350,7 @@ class UserPart:
             "vehicle": vehicle,
             "scenario": scenario,
             "position_W": state.position,
+            # where it should be: an ending by the distance from there is not met
             "goal": state.position,
             "slack": 0.0,
             "rotors": vehicle.rotors,

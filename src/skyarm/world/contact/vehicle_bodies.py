@@ -198,6 +198,8 @@ def bodies_of(
                         if each.agent in ("", agent)
                         and links.get(each.frame or vehicle.end_effector) == body
                     ),
+                    # of a link as of a contact point on it: the lightest for which
+                    # steps are chosen
                     mass=mass_of(vehicle) if body == BASE else LIGHTEST,
                 )
             )

@@ -506,6 +506,7 @@ class Team(VirtualMasses, Component[TeamMemory]):
         ]
         by_agent = {grasp.agent: force for grasp, force in ours}
         closed = {grasp.agent: where(t < grasp.release, 1.0, 0.0) for grasp, _ in ours}
+        # files give each member a grasp; one made in Python without it pulls nothing
         pulls = [by_agent.get(each.agent, ZERO3) for each in self.members]
         loads = [borne[each.agent] for each in self.members]
         limits = [each.limits.weight for each in loads]
