@@ -215,7 +215,8 @@ def of_mirrored(values: Array, mobilities: Array) -> Array:
 
 
 def _matrix(m: Mat3) -> Array:
-    return doubles(m.rows)
+    # of lists, which NumPy reads in a third of the time of vectors
+    return doubles([list(row) for row in m.rows])
 
 
 def rigid_inertia(body: Body) -> Array:

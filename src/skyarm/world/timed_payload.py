@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from skyarm.algebra import ZERO3, Scalar, Scalars, Sym3, Vec3
 from skyarm.algebra.scalars import logical_and, mul, where
+from skyarm.algebra.vector import select
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields, checked
@@ -32,7 +33,7 @@ from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.records.words import Word
 from skyarm.vehicle import Body, Vehicle
 from skyarm.vehicle.vehicle_records import LOAD
-from skyarm.world.component import Column, Component, Event, require_frame, select
+from skyarm.world.component import Column, Component, Event, require_frame
 
 if TYPE_CHECKING:
     from skyarm.world.scene.scene import Instants, Scene
@@ -246,7 +247,14 @@ class TimedPayload(Component[PayloadMemory]):
         """Drawn ball of the payload before, during and after it is carried."""
         from skyarm.world.payload_scene import payload_scene
 
-        return payload_scene(self, seen)
+        return payload_scene(
+            seen,
+            name=self.name,
+            mass=float(self.mass),
+            frame=self.frame,
+            com=self.com,
+            rigid=self.rigid,
+        )
 
     def next_status(
         self, memory: PayloadMemory, t: Scalar, position_W: Vec3

@@ -9,10 +9,11 @@ from dataclasses import replace
 
 from skyarm.algebra import ZERO3, Mat3, Scalar, Vec3
 from skyarm.algebra.scalars import where
+from skyarm.algebra.vector import select
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree, as_data, blend
-from skyarm.world.component import Column, Wrench, select
+from skyarm.world.component import Column, Wrench
 from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame, reduced_mass
 from skyarm.world.contact.contact_memory import ContactMemory
 from skyarm.world.contact.grasp import Grasp

@@ -39,6 +39,7 @@ from skyarm.algebra.scalars import (
     sub,
     where,
 )
+from skyarm.algebra.vector import select
 from skyarm.compile.tracing.lower import compiled_once
 from skyarm.records import coerce
 from skyarm.records.arrays import Array
@@ -50,7 +51,6 @@ from skyarm.records.units import Unit, positive
 from skyarm.reference.signals import Constant
 from skyarm.reference.tip_motion import vector_derivatives
 from skyarm.vehicle.convex_hull import Triangles, complete_shape
-from skyarm.world.component import select
 from skyarm.world.contact.material import Material
 from skyarm.world.signal_vector import NO_SIGNALS, SignalVector
 
