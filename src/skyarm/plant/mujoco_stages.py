@@ -147,6 +147,8 @@ class StagedRungeKutta:
             for place, rate in zip(
                 each.moving, inputs.acceleration[layout.nv :], strict=True
             ):
+                # objects that MuJoCo holds move by its accelerations, not by our forces
+                # alone
                 faster[place] = rate
         rows = list(zip(inputs.first, inputs.rates, faster, strict=True))
         memory = [add(m, add(mul(earlier, s), mul(own, k))) for m, s, k in rows]

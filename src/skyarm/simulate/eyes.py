@@ -275,6 +275,7 @@ class Eyes:
                 yield from Eyes(flown).frames(name, rows_of(log, slice(start, stop)))
             return
         # in pieces, of which a long flight reads its file: memory does not grow
+        # 1 more: of a large sensor one picture at a time is left
         size = min(AT_ONCE, 1 + RAYS // math.prod(camera.sensor.shape))
         for rows in (due[i : i + size] for i in range(0, len(due), size)):
             part = rows_of(log, slice(rows[0], rows[-1] + 1))

@@ -294,6 +294,7 @@ class Holds:
         ):
             total = sum((hold.force for hold in row), ZERO3)
             numbers += [grip.taken, total.norm(), grip.lost, *total]
+        # of a motion to be logged that is the plant's time (Stages.motions)
         for _, _, pull, _ in self.pulls(memory, motion, motion.task_time):
             numbers += [pull.force.norm(), *pull.force]
         return numbers

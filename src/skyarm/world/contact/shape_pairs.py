@@ -390,6 +390,7 @@ def _above_face(
     high: Scalar = 1.0
     flat: Scalar = True
     # of a cylinder the round face is none
+    # not strict: a cylinder has two sizes, and slabs of its own below
     slabs = [*zip(nearest, start, way, shape.size, strict=False)]
     if shape.shape == "cylinder":
         radius, length = shape.size
