@@ -92,6 +92,7 @@ class Ceilings:
         lowered = np.full_like(values, math.inf)
         # several times may fall on one grid point, where plain indexing keeps the last
         np.minimum.at(lowered, index, to)
+        # seconds of flight, at this path speed, in steps of the path
         reach = math.ceil(CALM * rate / GRID)
         padded = np.concatenate(
             [np.full(reach, math.inf), lowered, np.full(reach, math.inf)]
@@ -131,9 +132,11 @@ def follow(ceilings: Ceilings, duration: float) -> PathTime:
     small = STEP / parts
     stops = [stop for stop in sorted(ceilings.stops) if stop < duration]
     first = 0.0 if stops and stops[0] <= 0.0 else _first_rate(square)
+    # five points on a line through 0 (_first_rate): the sixth completes a quintic
     points = [(i - 2) * STEP * first for i in range(5)]
     stops = [stop for stop in stops if stop > 0.0]
     s, t, rest = points[-1], 2.0 * STEP, 0
+    # the quintic at t has control points up to three steps later
     while t < duration + 3.0 * STEP:
         for _ in range(parts):
             t += small
@@ -152,6 +155,8 @@ def follow(ceilings: Ceilings, duration: float) -> PathTime:
             # a reference that is slowed never runs ahead of the commanded one
             s = min(s + rate * small, t)
             if stops and s >= stops[0] - rate * small:
+                # six equal control points are all of a quintic: it stands still at the
+                # corner
                 s, rest = stops.pop(0), 6 * parts
         points.append(s)
     return PathTime(points=tuple(round(p, DIGITS) for p in points), step=STEP)
@@ -236,6 +241,7 @@ def even_rates(judge: Judge, ceilings: Ceilings) -> None:
     """Lower the bounds along the path to the largest constant path speed that is
     feasible at each position.
     """
+    # half a step more: rounding must not take the last place
     path = np.arange(-BEYOND, ceilings.duration + BEYOND + 0.5 * GRID, GRID)
     inside = (path > -0.5 * GRID) & (path < ceilings.duration + 0.5 * GRID)
     open_ = np.ones(len(path), dtype=bool)
@@ -243,6 +249,7 @@ def even_rates(judge: Judge, ceilings: Ceilings) -> None:
     for rate in RATES:
         if rate <= SLOWEST or not open_.any():
             break
+        # at a constant path speed the path is rate t, without higher derivatives
         over = judge.over((path, still + rate, still, still, still), path / rate).max(
             axis=0
         )
@@ -299,6 +306,7 @@ def _calm(ceilings: Ceilings, s: Derivatives, over: Array) -> None:
     index = np.clip(np.round(place / GRID).astype(int), 0, len(ceilings.rate) - 1)
     calmest = ceilings.acceleration[index] <= LEAST_ACCELERATION
     calmer = CALMER * ceilings.acceleration[index]
+    # one path speed for all places, to turn seconds of flight into path
     around = float(np.median(rate))
     ceilings.lower(ceilings.acceleration, place, calmer, LEAST_ACCELERATION, around)
     # what is on its way to a ceiling is not helped by a lower one
@@ -306,6 +314,7 @@ def _calm(ceilings: Ceilings, s: Derivatives, over: Array) -> None:
     if there.any():
         # accelerations go with the square of the rate, jerks with its cube; small
         # steps, since neighbours slow down, too
+        # half to 7 percent, chosen: a round gets somewhere, and not too far
         slower = np.clip(over[more] ** -0.35, 0.93, 0.995) * rate
         ceilings.lower(ceilings.rate, place[there], slower[there], SLOWEST, around)
 

@@ -165,6 +165,7 @@ def capsule_around(balls: Array, name: str, link: int) -> Collision:
         link: body that carries it.
     """
     centres, radii = balls[:, :3], balls[:, 3]
+    # bias: the unbiased covariance of one ball would be NaN
     turn = np.linalg.eigh(np.cov(centres.T, bias=True))[1]
     # eigenvectors may be left-handed; the longest axis is the last, as eigh sorts
     turn[:, 0] *= np.linalg.det(turn)

@@ -117,6 +117,8 @@ def _quarter_turns(x: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     """
     turns = f.floor(x * TWO_OVER_PI + 0.5)
     r = x
+    # pi / 2 in parts of few bits: products with a small whole number are exact, so the
+    # remainder keeps its digits (Cody, Waite)
     for part in HALF_PI_PARTS:
         r = r - turns * part
     z = r * r

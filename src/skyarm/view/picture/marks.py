@@ -32,6 +32,7 @@ TRAIL_PIECES = 80
 """Number of line segments of a trail."""
 
 ROTOR_OPACITY = 0.45
+"""Opacity of the discs of rotors, chosen: what is behind them stays visible."""
 GHOST: RGBA = (0.15, 0.2, 0.3, 0.16)
 DARK: Color = (0.16, 0.17, 0.2)
 TIP: Color = (0.85, 0.12, 0.16)
@@ -202,7 +203,7 @@ def marks_of(
     """
     still = desired_path(flights[0], THIN * scale)
     for flight in flights[1:]:
-        # a path at the same place would only darken the line
+        # a path at the same place, but for rounding, would only darken the line
         if not np.allclose(flight.desired_tip, flights[0].desired_tip, atol=1e-6):
             still += desired_path(flight, THIN * scale)
 
@@ -298,6 +299,7 @@ def tones_of(color: Sequence[int], opacity: float = 1.0) -> Paint:
             red,
             green,
             blue,
+            # 0.35 at most, chosen: what is behind a disc stays visible
             0.5 * min(opacity, 0.7) if role == "rotor" else opacity,
         )
 

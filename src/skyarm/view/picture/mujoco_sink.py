@@ -137,6 +137,7 @@ class Renderer:
         self._current = current
         self._model, self._meshes = _model(width, height, _meshes_of(panels), fine=fine)
         self._data = mujoco.MjData(self._model)
+        # once: the ground stays where it is, and the lamp is moved in the scene
         mujoco.mj_forward(self._model, self._data)
         self._context = mujoco.MjrContext(
             self._model, mujoco.mjtFontScale.mjFONTSCALE_100.value
@@ -179,6 +180,7 @@ class Renderer:
         """
         scene = mujoco.MjvScene(self._model, MOST_GEOMS)
         scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = fine
+        # nothing in WORLD reflects
         scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
         mujoco.mjv_updateScene(
             self._model,
@@ -191,6 +193,7 @@ class Renderer:
         )
         ground = scene.ngeom
         for geom in scene.geoms[:ground]:
+            # WORLD has its ground at the height 0
             geom.pos = geom.pos + np.array([0.0, 0.0, panel.ground])
             geom.category = NO_SHADOW
         for solid in panel.solids:
@@ -223,6 +226,7 @@ class Renderer:
             geom.pos, geom.mat = solid.position[k], solid.rotation[k]
             if (key := mesh_key(solid.shape)) in self._meshes:
                 self._place_mesh(geom, self._meshes[key])
+        # without the lines and arrows of the frame before
         scene.ngeom = ground + len(panel.solids)
         for mark in panel.marks(k):
             geom = self._add(scene, mark.kind, (mark.width, mark.width, 0.0), mark.rgba)
@@ -266,6 +270,7 @@ class Renderer:
             np.eye(3).ravel(),
             np.array(rgba, np.float32),
         )
+        # MuJoCo's usual numbers, both 0.5, gloss; these are chosen
         geom.specular, geom.shininess = 0.15, 0.3
         if rgba[3] < 1.0:
             geom.category = NO_SHADOW
@@ -333,6 +338,8 @@ def _model(
     spec = mujoco.MjSpec.from_string(WORLD)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
     quality = spec.visual.quality
+    # fine: MuJoCo's own quality, but for a shadow map of half its 4096; else no shadow
+    # map, no smoothing of edges, and coarser round bodies
     quality.shadowsize, quality.offsamples = (2048, 4) if fine else (0, 0)
     quality.numslices, quality.numstacks, quality.numquads = (
         (28, 16, 4) if fine else (18, 8, 2)

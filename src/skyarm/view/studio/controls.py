@@ -49,6 +49,7 @@ def add_clock(
         speed,
         lambda value: do(lambda clock: setattr(clock, "speed", float(value[:-1]))),
     )
+    # steps of 5 ms, the usual control period
     time = gui.add_slider(
         "time (s)", 0.0, longest, 0.005, 0.0, hint="scrub back, and forward again"
     )

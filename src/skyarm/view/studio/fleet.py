@@ -192,6 +192,7 @@ class Fleet(Clock):
                 if shared and flight.tick == tick and flight.session.running:
                     flight.move(shared)
             flight.to(flight.tick_at(self.time))
+        # Ctrl-C, too: nobody else has the flight yet that would close it
         except BaseException:
             flight.session.close()
             raise

@@ -61,6 +61,7 @@ class Controls:
 
     def __init__(self, gui: GuiApi, page: Page, laws: list[str]) -> None:
         self.status = gui.add_markdown("Machine code is being made ...")
+        # the end moves on with the flights, 30 s at a time (_draw_slowly)
         self.time = add_clock(gui, page.do, 30.0)
         direction = gui.add_dropdown(
             "push towards", tuple(DIRECTIONS), initial_value="+x"
