@@ -142,7 +142,7 @@ def _drawn(line: Line | RenderableType) -> RenderableType:
 
 
 ROOM = 24
-"""Least width (letters) of a table beside the names of its rows."""
+"""Least width (letters) of a table beside the names of its rows, chosen."""
 
 WIDE = 4
 """Least number of columns of a table that may be turned, chosen."""

@@ -44,10 +44,12 @@ smooth motion; chosen. Half of it leads a circle, a drop, a swing and corners 0.
 0.2 s sooner to their end, twice as late (measured); all keep the limits."""
 
 ACCELERATION = 1.0
-"""Largest second derivative (1/s) of the path time."""
+"""Largest second derivative (1/s) of the path time; chosen: from a stop the commanded
+speed is reached in a second."""
 
 SLOWEST = 0.02
-"""Smallest path speed ds/dt except at a corner."""
+"""Smallest path speed ds/dt except at a corner; chosen: a path takes at most 50 times
+as long."""
 
 RATES = tuple(0.93**k for k in range(54))
 """Constant path speeds that are tried, from the commanded one to ``SLOWEST``."""
@@ -196,7 +198,8 @@ class PathPlan:
 
 
 SLACK = 1.002
-"""Ratio of demand to limit up to which a limit counts as satisfied."""
+"""Ratio of demand to limit up to which a limit counts as satisfied; chosen: a motion
+may end this little above it."""
 
 NOTHING = 1e-7
 """Lag (s) that counts as rounding."""
@@ -320,13 +323,14 @@ def _calm(ceilings: Ceilings, s: Derivatives, over: Array) -> None:
 
 
 CALMER = 0.85
-"""Factor by which the path's acceleration limit is lowered in one step."""
+"""Factor by which the path's acceleration limit is lowered in one step; chosen: 15
+steps take it to its least."""
 
 THERE = 0.8
 """Fraction of a speed bound above which the path speed counts as limited by it."""
 
 LEAST_ACCELERATION = 0.1
-"""Smallest acceleration limit (1/s) of the path."""
+"""Smallest acceleration limit (1/s) of the path; chosen: a tenth of the usual one."""
 
 BEYOND = 0.3
 """Time (s) that is evaluated beyond both ends of the flight for differences and

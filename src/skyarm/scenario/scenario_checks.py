@@ -828,6 +828,7 @@ def _require_clear_views(
                 f" be left out beside world.surfaces[{surface.name}]"
             )
     seeing = replace(contact, points=places)
+    # nothing is advanced, so any period will do
     meetings = seeing.meetings(seeing.start(1.0, ()), motion)
     for met in meetings[: seeing.logged_pairs]:
         if met.touch.depth > 0.0:

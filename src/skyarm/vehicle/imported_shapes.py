@@ -120,6 +120,7 @@ def import_shapes(bodies: RigidBodies, how: str, notes: Notes) -> list[Collision
     if not stated:
         why = "takes none: no other file states a shape that touches"
         notes.add(f"import_collisions = {how!r} {why}")
+    # a rotor stated on the root has no link of its own, and the root keeps its shapes
     of_rotors = {each.link for each in bodies.rotors} - {bodies.root}
     shapes = list[Collision]()
     for each in stated:

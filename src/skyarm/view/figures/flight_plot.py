@@ -248,7 +248,8 @@ MOST = 12
 are not distinguishable."""
 
 NEAR = 0.35
-"""Fraction of a limit that a curve must reach for the limit to be drawn."""
+"""Fraction of a limit that a curve must reach for the limit to be drawn; chosen: one
+that is farther would flatten the curve."""
 
 HATCHES = ("////", None, "\\\\\\\\", "....")
 DASHES = ("-", "--", "-.", ":")

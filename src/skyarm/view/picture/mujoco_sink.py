@@ -28,7 +28,8 @@ from skyarm.world.scene.shapes import (
 )
 
 FIELD_OF_VIEW = 40.0
-"""Field of view (deg), from the lower to the upper edge of a panel."""
+"""Field of view (deg), from the lower to the upper edge of a panel; chosen, a little
+less than MuJoCo's usual 45."""
 
 GEOMS = {
     **KINDS,
@@ -76,7 +77,8 @@ LAMP = np.array([-7.5, -6.0, 30.0])
 the flight is."""
 
 THIN = 2e-4
-"""Half the thickness (m) of a plane's patch."""
+"""Half the thickness (m) of a plane's patch: invisible, and not zero, at which its two
+faces would fight for the same pixels."""
 
 
 @positional

@@ -67,13 +67,14 @@ THRUST, WIND, PUSHED, TOUCH = (
 )
 
 NEWTON = 0.08
-"""Length of an arrow (m) per newton, or per metre a second of air."""
+"""Length of an arrow (m) per newton, or per metre a second of air; chosen by eye for
+rotors of a few newtons."""
 
 SHAFT, TOUCH_SHAFT = 0.004, 0.005
 """Radii (m) of the arrows of forces and of contacts."""
 
 TRAIL = 4.0
-"""Duration (s) of the tip's trail."""
+"""Duration (s) of the tip's trail, as in films."""
 
 SLOW = 6
 """Frames between two drawings of slowly moving parts: ghost, trails, labels; at 60
