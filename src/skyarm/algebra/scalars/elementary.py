@@ -205,6 +205,7 @@ def _atan01(t: Scalar) -> Scalar:
     r = f.where(far, f.divide(t - 1.0, t + 1.0), t)
     z = r * r
     value = r + r * f.divide(z * horner(z, ATAN_P), horner(z, ATAN_Q))
+    # pi / 4 in two parts, the small one first: half of what pi / 2 has
     return f.where(far, (value + 0.5 * HALF_PI_LOW) + QUARTER_PI, value)
 
 

@@ -244,6 +244,7 @@ class PictureStyle:
         canvas: Any = FigureCanvasAgg(figure)
         renderer = canvas.get_renderer()
         # the widest legend that fits, one column at worst
+        # six at most, chosen; 2 % of the width are left for margins
         for columns in range(min(len(handles), 6), 0, -1):
             drawn = figure.legend(
                 list(handles.values()),

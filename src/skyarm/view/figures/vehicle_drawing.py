@@ -460,6 +460,7 @@ def _write_label(ax: Axes, text: str, at: Array, color: str, ink: Array) -> None
     best = math.inf
     for distance in DISTANCES:
         for centre in point + ways * (distance * font + half):
+            # a pixel of margin around the words
             low = np.floor(centre - half - 1.0).astype(int)
             high = np.ceil(centre + half + 1.0).astype(int)
             if (low < ax.bbox.min).any() or (high > ax.bbox.max).any():

@@ -263,6 +263,7 @@ class Renderer:
     ) -> mujoco.MjvGeom:
         """Add a geom without gloss to a MuJoCo scene."""
         geom = scene.geoms[scene.ngeom]
+        # three numbers, whatever the kind has: of a patch the third is its thickness
         sizes = np.array([*size, THIN if kind == "patch" else 0.0, 0.0][:3])
         mujoco.mjv_initGeom(
             geom,

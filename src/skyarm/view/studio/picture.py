@@ -420,6 +420,7 @@ class FleetPicture(StudioStage):
         """Draw the flights at the current time."""
         self._frame += 1
         slow = self._frame % SLOW == 0
+        # a flight that has just come may have no nodes yet
         for i, (nodes, flight) in enumerate(zip(self._flights, flights, strict=False)):
             session = flight.session
             now = session.now

@@ -311,9 +311,9 @@ class Sieve:
         Raises:
             ValueError, KeyError: it does not, or there is no such input.
         """
-        handle = self._inputs["server"].gui._gui_input_handle_from_uuid[uuid]
         # private names: viser has no public way from a message's identifier to its
         # input
+        handle = self._inputs["server"].gui._gui_input_handle_from_uuid[uuid]
         current = handle._impl.value
         props = handle._impl.props
         # booleans and texts have no limits, but menus have options
