@@ -49,6 +49,7 @@ def state_folder() -> Path | None:
     home folder.
     """
     return _users_folder(
+        # Windows has one variable for caches and states, so the name must differ
         "skyarm-state" if sys.platform == "win32" else "skyarm",
         "XDG_STATE_HOME",
         ".local/state",

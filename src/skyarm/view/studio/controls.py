@@ -313,6 +313,7 @@ def _chart_rows(
         if not any(each.first.agent.commands_setpoints[i] for each in flights)
     ]
     if driven:
+        # one axis, one unit: shares only if every joint has a limit
         limited = all(math.isfinite(float(joints[i].effort_limit)) for i in driven)
         efforts = {joints[i].name: _effort(i, limited) for i in driven}
         yield (

@@ -288,6 +288,7 @@ class Page(PageLoop):
     def _rebuild(self) -> None:
         """Rebuild vehicles, sliders and plots after a flight was added or removed."""
         with self._server.atomic():
+            # the picture is built once, after the last of them
             if not self._making:
                 self._picture.build(
                     self.fleet.scenario, [flight.title for flight in self.fleet.flights]
@@ -302,6 +303,7 @@ class Page(PageLoop):
         vehicles = self._vehicles
         with self._controls.plots:
             self._charts = charts(self._server.gui, vehicles)
+        # what all flights share stands there once
         for each in vehicles[:1]:
             self._add_panel(
                 self._controls.world, None, each.shared_knobs, "wind and forces"

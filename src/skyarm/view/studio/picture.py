@@ -238,6 +238,7 @@ def force_arrows(
     for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
         hub = p + R @ float_array(rotor.position)
         turn = turns.get(disc_name(rotor.name), np.eye(3)[None])[0]
+        # by the coefficient, also of a rotor with a table: it is only drawn
         thrust = float(rotor.thrust_coefficient) * speed**2
         axis = R @ turn @ float_array(rotor.axis)
         ends.append((hub, hub + NEWTON * thrust * axis))
