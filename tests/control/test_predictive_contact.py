@@ -5,6 +5,7 @@ touch and loss, and flights.
 from __future__ import annotations
 
 import dataclasses
+import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -476,6 +477,27 @@ def test_the_base_stands_for_the_order_and_the_plan_finds_the_force_itself():
         problem.goals[:, -6:],
         contact_goals(GAINS, touch, np.array([0.0, 0.1, 0.2, 0.3])),
     )
+
+
+@pytest.mark.parametrize("yaw", [1.5, 1.9, 2.0, -2.4, -1.3, 2.9])
+def test_a_heading_far_off_is_approached_to_the_last_bit(yaw):
+    engine = SimpleNamespace(
+        solver=SimpleNamespace(steps=np.full(3, 0.1)),
+        bounds=SimpleNamespace(efforts=np.full(2, 5.0)),
+        stance=lambda thrust, values: np.zeros((len(values), 3)),
+    )
+    still = np.zeros(6)
+    sample = preview.SampledReference(np.zeros((3, 6)), still, 0.0, still, still)
+    x = np.array(leaves(examples(2, 4)[0]))
+    c, s = math.cos(0.5 * yaw), math.sin(0.5 * yaw)
+    x[3:7] = c, 0.0, 0.0, s
+    par = make_controller("nmpc", MODEL).par
+    problem = problem_at(engine, x, np.zeros(8), sample, 0.0, par, None)
+    # by the C library, which the law's flights have always had
+    turn = math.atan2(2.0 * (c * s), 1.0 - 2.0 * (s * s))
+    off = float(np.angle(np.exp(1j * turn)))
+    found = problem.goals[:, 6].tolist()
+    assert found == [off - np.clip(off, -1.0, 1.0)] * len(found)
 
 
 def test_the_law_remembers_touch_and_loss_and_tells_the_tips_force():

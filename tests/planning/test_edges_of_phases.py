@@ -17,6 +17,7 @@ from skyarm.planning.plan_report import summary
 from skyarm.planning.planner import (
     Plan,
     PlanError,
+    attitude,
     coarse_phases,
     guess_from,
     outline,
@@ -86,6 +87,17 @@ def test_a_reversed_heading_is_off_its_goal() -> None:
         values = stage.values(guess.x, guess.u, problem.data)[0][5]
         assert values[stage.goals][row] == pytest.approx(np.sin(turn), abs=1e-12)
         assert values[stage.limits][column] == pytest.approx(value, abs=1e-12)
+
+
+def test_an_attitude_has_the_same_bits_on_every_processor() -> None:
+    found = attitude((-0.4437143021358807, -0.6813963506856231, 1.4272773199197815))
+    assert {type(each) for each in found} == {float}
+    assert [each.hex() for each in found] == [
+        "0x1.7c846697d757cp-1",
+        "0x1.cf8101152cf80p-5",
+        "-0x1.8758f478d5572p-2",
+        "0x1.17af27d247d49p-1",
+    ]
 
 
 def test_a_phase_that_ends_at_rest_rests_before_one_that_ends_in_motion() -> None:

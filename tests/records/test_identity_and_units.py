@@ -19,9 +19,13 @@ from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields, require_fields
 from skyarm.records.files import Fields
 from skyarm.records.identity import identity
+from skyarm.records.immutable import immutable
 from skyarm.records.plain import plain
 from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit, units
+
+if typing.TYPE_CHECKING:
+    from decimal import Decimal
 
 
 def test_identity_is_of_all_numbers_and_of_no_title() -> None:
@@ -135,6 +139,15 @@ def test_a_plugins_record_without_metadata_is_looked_at_by_its_types() -> None:
         with pytest.raises(RecordError) as error:
             require_fields((wrong,), "forces")
         assert str(error.value) == words
+
+
+@immutable
+class Timed(skyarm.Command):
+    sent: Decimal | None = None
+
+
+def test_a_command_of_ones_own_may_have_a_field_that_only_type_checkers_know() -> None:
+    assert Timed(rotor_speeds=(1.0,)).rotor_speeds == (1.0,)
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from skyarm.algebra.scalars import (
     structural,
     sub,
     total,
+    where,
 )
 
 
@@ -149,7 +150,7 @@ class Vec3(ArrayLike):
     def smooth_norm(self) -> Scalar:
         """Euclidean length whose derivative at zero is 0 instead of NaN.
 
-        What is added to the square changes no bit of a length above 1e-4.
+        What is added to the square changes no bit of a length above 2e-4.
         """
         return sqrt(self.dot(self) + 1e-24)
 
@@ -162,6 +163,15 @@ away as constants."""
 E_X = Vec3(1, 0, 0)
 E_Y = Vec3(0, 1, 0)
 E_Z = Vec3(0, 0, 1)
+
+
+def select(condition: Scalar, a: Vec3, b: Vec3) -> Vec3:
+    """Vector ``a`` where a condition holds, else ``b``.
+
+    Equal constants, as zeros along an axis, stay structure.
+    """
+    pairs = zip(a, b, strict=True)
+    return Vec3(*(x if same(x, y) else where(condition, x, y) for x, y in pairs))
 
 
 def inner_product(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:

@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import ZERO3_DATA, Quaternion, Vec3
-from skyarm.algebra.frames import continuous, of_euler_angles, unit_rows
+from skyarm.algebra.frames import continuous, unit_rows
 from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
 from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
+from skyarm.dynamics.state import example_state
 from skyarm.planning.seeds import free_distance, ways_around
 from skyarm.planning.solver import (
     ITERATIONS,
@@ -309,8 +310,11 @@ def node_counts(task: Task, lengths: Sequence[float]) -> list[int]:
 
 def attitude(angles: Sequence[float]) -> Quaternion:
     """Quaternion of roll, pitch and yaw (rad)."""
-    # whole numbers would be constants of compiled code
-    return of_euler_angles(*map(float, angles))
+    # not by NumPy's sine and cosine, whose last bit is the processor's
+    state = example_state(0, 0).with_views(
+        dict(zip(("roll", "pitch", "yaw"), angles, strict=True))
+    )
+    return state.quaternion
 
 
 def goal_attitude(goal: Goal) -> Quaternion:

@@ -75,9 +75,9 @@ def checked(
 
     def mark(kind: type[Record]) -> type[Record]:
         def check(record: object) -> None:
-            values = values_of(type(record)) if often else None
-            if values is None or not _are_stored(
-                type(record), tuple(map(type, values(record)))
+            own = type(record)
+            if not often or not _are_stored(
+                own, tuple(map(type, _checked_values(own)(record)))
             ):
                 accept_fields(record, where, error)
 
@@ -89,8 +89,11 @@ def checked(
 
 @memoize
 def _are_stored(kind: type, given: tuple[type, ...]) -> bool:
-    """True if values of some types are those that the fields of a dataclass store."""
-    stored = (annotation for annotation, _ in declared_fields(kind).values())
+    """True if values of some types are those that a dataclass stores in its fields of
+    :func:`rules`.
+    """
+    declared = declared_fields(kind)
+    stored = (declared[name][0] for name in rules(kind))
     return all(
         each in (float, int)
         if annotation is Scalar

@@ -191,12 +191,15 @@ def rebuild(template: Record, values: Iterable[object]) -> Record:
 
     An iterator is left at the first value that is not needed.
     """
-    values = iter(values)
+    return _with_next(template, iter(values))
+
+
+def _with_next(template: Record, values: Iterator[object]) -> Record:
     made: Any = template
     if isinstance(template, tuple):
-        made = tuple(rebuild(item, values) for item in template)
+        made = tuple(_with_next(item, values) for item in template)
     elif (names := field_names(type(template))) is not None:
-        parts = {name: rebuild(getattr(template, name), values) for name in names}
+        parts = {name: _with_next(getattr(template, name), values) for name in names}
         made = type(template)(**parts)
     elif is_leaf(template):
         made = next(values)

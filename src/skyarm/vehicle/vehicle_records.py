@@ -148,7 +148,7 @@ class Rotor:
             **SHARE,
         ),
     ] = 0
-    # the usual lags are those of RotorS (urdf/hummingbird.xacro)
+    # lags that are not stated are those of RotorS (urdf/hummingbird.xacro)
     time_constant_up: Annotated[
         Scalar,
         positive(

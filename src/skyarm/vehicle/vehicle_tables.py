@@ -702,7 +702,6 @@ def _with_limits_of_drives(
     def limit_effort(link: Link) -> Link:
         drive = given.get(link.joint.name)
         limit = link.joint.effort_limit
-        limit = link.joint.effort_limit
         # traced limits stay, and so does one that somebody stated, also 0
         if drive is None or not concrete(limit) or limit != 0:
             return link

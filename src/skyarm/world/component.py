@@ -22,7 +22,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Generic, NamedTuple, Self, TypeVar, cast
 
 from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import add, divide, maximum, mul, same, where
+from skyarm.algebra.scalars import add, divide, maximum, mul
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError
@@ -83,15 +83,6 @@ def moved_by(memory: Memory, slope: Memory, dt: Scalar) -> Memory:
     """
     pairs = zip(leaves(memory), leaves(slope), strict=True)
     return rebuild(memory, iter([add(value, mul(rate, dt)) for value, rate in pairs]))
-
-
-def select(condition: Scalar, a: Vec3, b: Vec3) -> Vec3:
-    """Vector ``a`` where a condition holds, else ``b``.
-
-    Equal constants, as zeros along an axis, stay structure.
-    """
-    pairs = zip(a, b, strict=True)
-    return Vec3(*(x if same(x, y) else where(condition, x, y) for x, y in pairs))
 
 
 def shorten(vector: Vec3, most: Scalar) -> Vec3:

@@ -30,6 +30,7 @@ from skyarm.algebra.scalars import (
     sqrt,
     where,
 )
+from skyarm.algebra.vector import select
 from skyarm.compile.tracing.lower import repeat
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import concrete
@@ -38,7 +39,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.leaves import blend, parts
 from skyarm.records.units import nonnegative, positive
 from skyarm.vehicle import Vehicle
-from skyarm.world.component import Column, Wrench, require_frame, select
+from skyarm.world.component import Column, Wrench, require_frame
 from skyarm.world.timed_payload import PayloadMemory, TimedPayload
 
 SUBSTEPS = 20

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from skyarm.algebra import ZERO3, Scalar, Scalars, Sym3, Vec3
 from skyarm.algebra.scalars import logical_and, mul, where
+from skyarm.algebra.vector import select
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields, checked
@@ -32,7 +33,7 @@ from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.records.words import Word
 from skyarm.vehicle import Body, Vehicle
 from skyarm.vehicle.vehicle_records import LOAD
-from skyarm.world.component import Column, Component, Event, require_frame, select
+from skyarm.world.component import Column, Component, Event, require_frame
 
 if TYPE_CHECKING:
     from skyarm.world.scene.scene import Instants, Scene
@@ -197,6 +198,7 @@ class TimedPayload(Component[PayloadMemory]):
             # with a place an instant that is left out means: at any time
             object.__setattr__(self, "drop", 0.0)
         moments = tuple(self.inertia)
+        # 1e-9: a flat body has equality up to rounding
         if concrete(*moments) and 2.0 * max(moments) > sum(moments) * (1.0 + 1e-9):
             raise ValueError(
                 f"inertia = {list(moments)}: no moment may be larger than the sum of"
@@ -245,7 +247,14 @@ class TimedPayload(Component[PayloadMemory]):
         """Drawn ball of the payload before, during and after it is carried."""
         from skyarm.world.payload_scene import payload_scene
 
-        return payload_scene(self, seen)
+        return payload_scene(
+            seen,
+            name=self.name,
+            mass=float(self.mass),
+            frame=self.frame,
+            com=self.com,
+            rigid=self.rigid,
+        )
 
     def next_status(
         self, memory: PayloadMemory, t: Scalar, position_W: Vec3

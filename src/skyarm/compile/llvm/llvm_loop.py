@@ -162,10 +162,12 @@ zero."""
 def assembly(loop: Loop, lanes: Lanes, *, logging: bool) -> str:
     """LLVM assembly text of a traced loop."""
     writer = Writer(lanes)
-    draws = iter(loop.program.inputs)
+    inputs = iter(loop.program.inputs)
     carry, parameters, rows = (
-        tuple(islice(draws, count)) for count in (loop.carry, loop.parameters, loop.row)
+        tuple(islice(inputs, count))
+        for count in (loop.carry, loop.parameters, loop.row)
     )
+    draws = tuple(inputs)
     invariant, varying = _split(loop.program.nodes, parameters)
     writer.do(
         f"define internal void @{BODY}({', '.join(ARGUMENTS)}) noinline"

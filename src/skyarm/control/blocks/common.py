@@ -126,8 +126,8 @@ def rotor_thrust(vehicle: Vehicle, speeds: Sequence[Scalar]) -> tuple[Vec3, Vec3
     """Torque about and force at the base origin of rotors at given speeds in calm air,
     base axes.
 
-    Of thrusts k_f W^2, as mixers have them: :func:`prediction.calm_wrench` has thrust
-    tables, too.
+    Of thrusts k_f W^2, as mixers have them;
+    :func:`skyarm.control.blocks.prediction.calm_wrench` has thrust tables, too.
     """
     torque, force = ZERO3, ZERO3
     for rotor, speed in zip(vehicle.rotors, speeds, strict=True):

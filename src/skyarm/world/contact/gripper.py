@@ -39,6 +39,7 @@ from skyarm.algebra.scalars import (
     sqrt,
     where,
 )
+from skyarm.algebra.vector import select
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent
 from skyarm.records.field_rules import accept_fields, checked
@@ -47,7 +48,7 @@ from skyarm.records.immutable import field_if_any, immutable, positional
 from skyarm.records.leaves import as_data, blend
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.reference.signals import Constant, Signal, signal_from
-from skyarm.world.component import Column, select, shorten
+from skyarm.world.component import Column, shorten
 from skyarm.world.contact.carrier import CarriedFrame
 from skyarm.world.contact.hold import Hold, Spring, Stiffness, longest_step
 from skyarm.world.contact.material import NORMAL_STEP, ROUGHEST
@@ -309,6 +310,7 @@ class Gripper:
     def is_overloaded(self, grip: Grip, hold: Hold, body: CarriedFrame) -> Scalar:
         """True if the load of a grasp exceeds the gripper's limits."""
         force, torque = hold.force, hold.torque
+        # a ball slips in its socket, and does not give way by a torque
         twisted = (
             False
             if self.kind == "ball"

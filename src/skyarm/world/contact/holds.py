@@ -9,10 +9,11 @@ from dataclasses import replace
 
 from skyarm.algebra import ZERO3, Mat3, Scalar, Vec3
 from skyarm.algebra.scalars import where
+from skyarm.algebra.vector import select
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree, as_data, blend
-from skyarm.world.component import Column, Wrench, select
+from skyarm.world.component import Column, Wrench
 from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame, reduced_mass
 from skyarm.world.contact.contact_memory import ContactMemory
 from skyarm.world.contact.grasp import Grasp
@@ -96,6 +97,8 @@ class Holds:
         """Force and torque of each gripper on each movable body, zero for bodies not
         held, as [gripper][body].
         """
+        # of all bodies: which one is held is a number of the memory, by which no trace
+        # branches
         possible = self.possible(memory.grips, frames, self.bodies(memory.carried))
         return [
             [
@@ -291,6 +294,7 @@ class Holds:
         ):
             total = sum((hold.force for hold in row), ZERO3)
             numbers += [grip.taken, total.norm(), grip.lost, *total]
+        # of a motion to be logged that is the plant's time (Stages.motions)
         for _, _, pull, _ in self.pulls(memory, motion, motion.task_time):
             numbers += [pull.force.norm(), *pull.force]
         return numbers

@@ -34,10 +34,10 @@ from skyarm.algebra.scalars import (
     sqrt,
     where,
 )
+from skyarm.algebra.vector import select
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import immutable
 from skyarm.records.units import nonnegative, positive
-from skyarm.world.component import select
 
 BRISTLE_DAMPING = 5.0
 """Damping of a friction bristle, N s/m at one newton and more, 1/m times the force

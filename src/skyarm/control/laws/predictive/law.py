@@ -28,6 +28,7 @@ Source: Diehl, Bock, Schloeder 2005 (real-time iteration); Tassa, Mansard, Todor
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
@@ -35,13 +36,12 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from skyarm.algebra import ZERO3_DATA, Quaternion, Vec3
+from skyarm.algebra import ZERO3_DATA, Vec3
 from skyarm.control.blocks.force_control import (
     InteractionGains,
     InteractionMemory,
     require_thresholds,
 )
-from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.law_maker import checked_option, option_numbers
 from skyarm.control.laws.paper import level_joint_gravity
@@ -544,8 +544,7 @@ def problem_at(
         targets[:, :3] += error * (1.0 - LONGEST_ERROR / distance)
     # a goal's row: position, velocity, heading, then joints from 7 on
     # the turn on the shorter side, as headings may be turns apart
-    heading = yaw_of(Quaternion(*x[3:7].tolist()))
-    off = float(np.angle(np.exp(1j * (heading - targets[0, 6]))))
+    off = float(np.angle(np.exp(1j * (_heading(x) - targets[0, 6]))))
     targets[:, 6] += off - np.clip(off, -WIDEST_TURN, WIDEST_TURN)
     joints = model.vehicle.n
     beyond = x[13 : 13 + joints] - targets[0, 7 : 7 + joints]
@@ -555,6 +554,15 @@ def problem_at(
     return Problem(
         x, bearable(disturbance, engine.bounds.efforts), np.hstack([targets, planned])
     )
+
+
+def _heading(x: Array) -> float:
+    """Heading (rad) of a state array.
+
+    Not that of the blocks, whose arc tangent rounds otherwise for one in four headings.
+    """
+    w, a, b, c = x[3:7].tolist()
+    return math.atan2(2.0 * (w * c + a * b), 1.0 - 2.0 * (b * b + c * c))
 
 
 def bearable(disturbance: Array, most: Array) -> Array:

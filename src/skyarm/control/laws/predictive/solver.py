@@ -580,7 +580,7 @@ class Riccati:
         low, high = self._room(guess, len(self.bounds.speeds))
         first = problem.start - guess.x[0]
         at = np.zeros(low.shape)
-        fixed = at > 0.0
+        fixed = np.zeros(low.shape, dtype=bool)
         for _ in range(PASSES + 1):
             feedback = policy(here, fixed, at, damping=guess.damping)
             _, du = rollout(here, feedback, first, low, high)
