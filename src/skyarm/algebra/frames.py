@@ -79,6 +79,7 @@ def continuous(quaternions: Array) -> Array:
     """
     # two neighbours on opposite sides of the sphere are the same attitude nearby
     turns = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
+    # signs accumulate along the sequence; an empty one has no first sign
     return (
         quaternions
         * np.cumprod(np.concatenate([np.ones(min(1, len(quaternions))), turns]))[

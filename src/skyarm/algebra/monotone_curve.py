@@ -76,6 +76,8 @@ def inverse_curve(y: Scalar, xs: Sequence[Scalar], ys: Sequence[Scalar]) -> Scal
             0.5 * (bottom + top),
             where(step > top, 0.5 * (bottom + top), step),
         )
+    # a curve that ends flat stays at its last argument; the inner choice keeps 0 / 0,
+    # which is computed as well, out of gradients
     beyond = maximum(y - ys[-1], 0.0)
     return (
         start

@@ -392,6 +392,7 @@ def _input_error(error: Exception) -> str:
     """One-line message for an error in input or files; empty for any other error."""
     from skyarm.compile.machine_code import MissingExtraError, NoMachineCodeError
 
+    # of the system, whose words name no field; the library's own have no number
     if isinstance(error, OSError) and error.errno is not None:
         what = (
             "standard output"

@@ -383,6 +383,7 @@ def _at_rate(name: str, rate: float, own: Rates) -> Scenario:
     # both must fit the control rate; the C file holds nothing of them
     rates |= {
         "control": step,
+        # not below the scenario's own rate, unless the highest one forbids it
         "physics": (
             min(math.ceil(own.physics / rate), max(1, int(HIGHEST_RATE / rate))) * step
         ),

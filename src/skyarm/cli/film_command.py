@@ -155,6 +155,7 @@ def _require_renderer(*, recorded: bool) -> None:
     else:
         from skyarm.view.picture.offscreen import offscreen
 
+        # only opening one tells whether this machine can
         with offscreen():
             pass
 
@@ -212,6 +213,7 @@ def _log_of(flight: _Flight, stop: float | None) -> Log:
         return load_log(flight.name)
     planned = load_scenario(flight.name, controller=flight.law)
     if stop is not None and stop < planned.duration:
+        # its own duration was known only once it was read
         planned = load_scenario(flight.name, controller=flight.law, duration=stop)
     with bar(f"{planned.name} {flight.law or ''}".strip()) as advance:
         return run(planned, advance)

@@ -142,7 +142,7 @@ def _drawn(line: Line | RenderableType) -> RenderableType:
 
 
 ROOM = 24
-"""Least width (letters) of a table beside the names of its rows."""
+"""Least width (letters) of a table beside the names of its rows, chosen."""
 
 WIDE = 4
 """Least number of columns of a table that may be turned, chosen."""
@@ -416,6 +416,7 @@ def bar(title: str, pause: float = PAUSE) -> Iterator[Advance]:
         screen = Terminal(stderr=True, **PLAIN)
     if screen is None:
         # a first line after a while, also where no step has ended yet
+        # without a pause the first step is told at once: 1e6 s never come
         timer = threading.Timer(pause or 1e6, say, (f"{title} ...",))
         timer.daemon = True
         timer.start()

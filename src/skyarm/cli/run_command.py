@@ -260,6 +260,7 @@ def _fly(
         )
 
     def preparing(seconds: float, most: float) -> None:
+        # the last call has all of the time: the take-off is over
         if seconds < most:
             advance(
                 last=f"take-off of {planned.agent.controller.name}, {seconds:.0f} s"

@@ -498,6 +498,7 @@ class StepFile:
             for key in ("memory", self.output)
             for place in structs[key].places
         ]
+        # a compiler warns of arguments that a law does not use
         body = [f"(void){key};" for key in (*read, self.output)]
         body += statements(self.program, floats, name, inputs, outputs)
         values = (structs["parameters"], structs["memory"])

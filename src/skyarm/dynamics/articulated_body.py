@@ -116,9 +116,11 @@ def _by_mass_matrix(
     pushed = applied - bias
     efforts = differences(joint_torques, holding)
     x = ldl_solve(
+        # identity: all in base axes, as the forces are
         mass_matrix(vehicle, Mat3.identity(), joints),
         [*pushed.force, *pushed.torque, *efforts],
     )
+    # linear rows come first in M, angular parts first in a Motion
     return Motion(Vec3(*x[3:6]), Vec3(*x[:3])), tuple(x[6:])
 
 

@@ -233,6 +233,7 @@ def out_of_axis(tip: Vec3, pivot: Vec3, axis: Vec3, grips: bool, normal: Vec3) -
     out = arm - axis * axis.dot(arm)
     size = out.dot(out)
     # on the axis the direction would be noise, so the normal stands in
+    # an axis of zeros has no direction out of it either: its square is the factor
     turns = logical_and(grips, size * axis.dot(axis) > NEAREST * NEAREST)
     # 1e-6 m keeps the unused branch finite on the axis
     unit = out * divide(1.0, sqrt(size + 1e-12))

@@ -30,7 +30,7 @@ NAMES: Mapping[float, str] = {
 
 BEFORE_2022 = {0: NED, 1: FRD, 2: 0, 3: BODY_FRD}
 """Numbers of the axes in ``local_frame`` and ``velocity_frame`` of PX4's older
-odometry."""
+odometry -> those of today; its 2 names other axes, which are not known."""
 
 DOWN = re.compile(r"(.*[/_])?(ned|frd|aircraft)", re.IGNORECASE)
 """Pattern of the names of frames whose z axis points down."""
@@ -66,6 +66,8 @@ class MessageAxes:
         parent, child = self.frames[topic]
         if self.kinds[topic].startswith(PX4):
             return self._of_px4(name, source, table)
+        # an inertial unit names the frame of its own readings, not of a parent; one
+        # that fixed transforms turn is in the base's axes thereafter
         if self.kinds[topic] == IMU:
             parent, child = "", "" if topic in self.turned else parent
         # a twist in the world's axes
@@ -98,6 +100,7 @@ class MessageAxes:
     ) -> QuantitySource | None:
         """Source of a quantity of PX4, by the numbers of the axes in its odometry."""
         axes = self._numbers(table)
+        # a message without such numbers is in the axes that its type defines
         if name not in axes or not axes["position"]:
             return source
         worlds = [
@@ -154,5 +157,6 @@ class MessageAxes:
         return {
             "quaternion": found["position"],
             **found,
+            # of a message that does not number them they are those of its pose
             "velocity": found["velocity"] or found["position"],
         }

@@ -231,6 +231,7 @@ def _sources(
         # hundredths of a volt since 4.0, tenths before, and counts of the converter
         # before 3.1
         volts = 0.01 if version >= (4, 0) else 0.1
+        # 3.3 V at 4095 counts, times the divider of vbatscale tenths
         if old:
             volts = 0.33 / 4095 * head["vbatscale"]
         sources["voltage"] = QuantitySource(columns=("vbatLatest",), scale=volts)

@@ -176,6 +176,7 @@ def _rows(data: bytes, events: Events, place: int) -> tuple[dict[int, Rows], int
     sizes = {number: row.itemsize for number, (_, row) in events.items()}
     while place < end:
         number = int.from_bytes(data[place : place + 2], "little")
+        # no event has a mark of its beginning: behind an unknown one none is found
         if number not in sizes or place + sizes[number] > end:
             break
         # joined once at the end, so that time is linear in the length of the log

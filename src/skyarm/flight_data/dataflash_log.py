@@ -382,6 +382,7 @@ def _mask_invalid(
             place = np.maximum(
                 np.searchsorted(status.time, tables[topic].time, "right") - 1, 0
             )
+            # a status without a number states no estimate
             bits = np.nan_to_num(status.numbers("SS")[place]).astype(int)
             stated = {
                 name: (bits & flags).astype(float)
@@ -429,6 +430,7 @@ def _rows(data: bytes, notes: list[str]) -> Messages:
     if lost:
         notes.append(f"file: {lost} bytes belong to no whole message and are left out.")
     rows = dict[str, dict[str, AnyArray]]()
+    # of two types of one name the first with messages counts
     for head, name, row, units in types.values():
         if head in pieces and row.names and name not in rows:
             values = np.frombuffer(b"".join(pieces[head]), row)
@@ -445,6 +447,8 @@ def _definition(body: bytes) -> Definition | None:
     """
     number, size, *texts = struct.unpack("<cB4s16s64s", body)
     name, letters, names = (each.rstrip(b"\0").decode("latin-1") for each in texts)
+    # of a damaged definition names and letters may differ in number; the length of the
+    # row then refuses it
     fields = dict(zip(names.split(","), letters, strict=False))
     if MAGIC + number == DEFINITION or not set(letters) <= set(LETTERS):
         return None

@@ -243,7 +243,7 @@ given."""
 
 PAUSE = 5.0
 """Length (s) of a gap in all channels from which on it separates two flights of a
-file."""
+file; chosen, beyond the gaps of a logger that loses rows."""
 
 
 def split_path(path: PathLike) -> tuple[str, int]:
@@ -373,6 +373,7 @@ def _part(flight: FlightData, number: int) -> FlightData:
     clock of the file.
     """
     parts = parts_of(flight)
+    # for its error of a number that no part has; notes and words are not used
     place, _ = choose_log([""] * len(parts), Columns(log=number), 0, [], "")
     inside = flight.section(*parts[place])
     return replace(

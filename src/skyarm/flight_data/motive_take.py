@@ -56,6 +56,7 @@ def read_motive(path: Path, columns: Columns | None) -> FlightData:
         for word in ("Type", "Name")
     )
     places, bodies = dict[str, int](), list[str]()
+    # a line of the head may be short or missing: no body is then found, and refused
     for k, (kind, name, group, axis) in enumerate(
         zip(kinds, names, groups, axes, strict=False)
     ):

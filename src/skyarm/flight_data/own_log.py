@@ -64,6 +64,7 @@ def is_own_mcap(path: Path) -> bool:
     and index.
     """
     with path.open("rb") as stream:
+        # the header, which names the library that wrote the file
         head = stream.read(64)
         stream.seek(max(0, stream.seek(0, 2) - TAIL))
         return b"skyarm" in head and b"flight.npz" in stream.read(TAIL)

@@ -15,7 +15,7 @@ from skyarm.records.arrays import Array
 
 LATEST = 0.1
 """Largest time (s) between a PX4 message and the sample that it is of for which the
-sample's own stamp counts."""
+sample's own stamp counts; chosen: more is damage, or no reading."""
 
 BOTH_WAYS = (
     "rotor_commands: are left out, as PX4's motors turn both ways (CA_R_REV); a"
@@ -78,6 +78,7 @@ def by_attitude(motion: RawTable, attitude: RawTable) -> RawTable:
     if len(time) < 3 or not late.any() or (np.diff(time) <= 0.0).any():
         return motion
     angle = integral_of(time, rates[good])
+    # 1e-6: attitudes may share a stamp
     step = (
         max(1, round(APART / max(float(np.median(np.diff(turned))), 1e-6)))
         if len(turned) > 1

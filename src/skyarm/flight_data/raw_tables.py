@@ -39,7 +39,8 @@ SMALLEST, LARGEST = 1e-6, 1e6
 length."""
 
 UNUSED = 200
-"""Largest number of unused columns that a flight lists."""
+"""Largest number of unused columns that a flight lists; chosen, as a log of PX4 has
+thousands."""
 
 # sources are listed by quality, so a little jitter of rates is no reason to change
 FASTER = 1.2
@@ -313,7 +314,8 @@ FEWEST = 10
 
 REGULAR, NEAR = 0.8, 0.34
 """Fraction of steps between rows with numbers that must agree, and their relative
-deviation, for a quantity that is logged less often."""
+deviation, for a quantity that is logged less often: of every third row a step may be a
+row more or less."""
 
 
 def _rows_due(rows: npt.NDArray[np.intp], time: Array, count: int) -> int:
@@ -327,6 +329,7 @@ def _rows_due(rows: npt.NDArray[np.intp], time: Array, count: int) -> int:
     """
     between = np.diff(rows) - 1
     if step := _usual_step(np.diff(time)):
+        # a gap in time loses no more rows than the table has there
         lost = np.clip(np.round(np.diff(time) / step) - 1.0, 0.0, between)
         return rows.size + int(lost.sum())
     # the ceiling of the quotient

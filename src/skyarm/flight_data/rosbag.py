@@ -66,7 +66,8 @@ METADATA = "metadata.yaml"
 """File in each folder of a ROS 2 bag."""
 
 LONGEST_LIST = 32
-"""Largest number of items of a list that become columns."""
+"""Largest number of items of a list that become columns; chosen, above the joints and
+rotors of a vehicle."""
 
 DEEPEST = 8
 """Largest nesting depth of messages."""
@@ -485,6 +486,7 @@ def _table(rows: _Rows, origin: int, *, of_px4: bool = False) -> RawTable:
             columns["accelerometer_time"] = (
                 columns[STAMP] + middle_of_mean(columns, "accelerometer")
             ) * 1e-6
+            # a sample without a span stays at its stamp
             stamps = stamps + np.nan_to_num(middle_of_mean(columns, "gyro")) * 1e3
     # as they were sent, not as they arrived
     order = np.argsort(stamps, kind="stable") if of_px4 else slice(None)
@@ -532,6 +534,7 @@ def _vehicles(
             if len(every) > 1:
                 return apart, [
                     each - frozenset.intersection(*every)
+                    # the topic of fewest words first: that without a name of its own
                     for each in sorted(every, key=len)
                 ]
     return {}, []
@@ -546,6 +549,7 @@ def _of_vehicle(
     own = vehicles[place] if vehicles else frozenset[str]()
     others = frozenset[str]().union(*vehicles) - own
     parts = {topic: frozenset(topic.split("/")) for topic in kinds}
+    # what is this vehicle's but for the name is the topic of one without a name
     of_this = {each - own for each in parts.values() if own & each}
     return {
         topic: kinds[topic]
@@ -657,6 +661,7 @@ def _signals(
     pulses = dict[str, Array]()
     for name in source.columns:
         sent = table.numbers(name)
+        # what lies beyond is sent for a channel that is off
         is_pulse = (sent >= PULSES[0]) & (sent <= PULSES[1])
         if is_pulse.any():
             pulses[name] = np.where(is_pulse, sent, np.nan)

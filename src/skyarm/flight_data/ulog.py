@@ -191,6 +191,7 @@ def _table(name: str, rows: Mapping[str, AnyArray], start: int) -> RawTable:
         columns["accelerometer_time"] = (
             stamps + middle_of_mean(columns, "accelerometer")
         ) * SECOND
+        # a sample without a span stays at its stamp
         stamps = stamps + np.nan_to_num(middle_of_mean(columns, "gyro"))
     return RawTable(
         columns=columns, time=(stamps - start) * SECOND, origin=start * SECOND
@@ -302,6 +303,7 @@ def _rotor_commands(
                 columns=tuple(f"control[{k}]" for k in range(count)), topic=topic
             )
         )
+    # why outputs do not count is news only where nothing else tells the commands
     shares, is_sure = _shares(tables, parameters, count, [] if has_motors else notes)
     if shares is not None:
         tables[SHARES] = shares

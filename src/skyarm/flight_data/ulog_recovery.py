@@ -30,7 +30,8 @@ DEEPEST = 8
 """Largest nesting depth of formats."""
 
 IN_A_ROW = 3
-"""Number of consecutive intact messages at which reading resumes after damage."""
+"""Number of consecutive intact messages at which reading resumes after damage; chosen:
+one alone may be made up of lost bytes."""
 
 SIZES: Mapping[bytes, int] = {
     kind: size
@@ -130,7 +131,8 @@ class WholeMessages:
         end = self._end_of(place)
         if not place + 3 < end <= len(data) or data[place + 2] not in LETTERS:
             return 0
-        # a row is as long as its topic's format, else the bytes are no message
+        # a row is as long as its topic's format, else the bytes are no message; 5 are
+        # length, type and number of the topic
         is_row = data[place + 2] == ord("D")
         return (
             0
@@ -177,6 +179,7 @@ class WholeMessages:
             return readable
         # behind the first topic a parameter is a change in flight, which is not read
         if letter == b"P":
+            # a byte with the length of type and name, and a value of four
             return (
                 PARAMETER.match(body) is not None
                 and len(body) == body[0] + 5

@@ -270,6 +270,7 @@ def _of_base(thrust: Array, along: str, attitude: bool) -> Iterator[ChannelChang
         "turn the vehicle as if it stood {:.0f} deg about z from its rotors' places",
     )
     board = "gyro", f"and accelerometer: {turned}"
+    # a cross flown as a plus, and quarter turns of a board
     turns = [45.0, -45.0, 90.0, -90.0, 180.0]
     price = PRICE_WHOLE
     if not upright:
@@ -378,6 +379,7 @@ def _of_rotors(flight: FlightData, rotors: Sequence[Rotor]) -> Iterator[ChannelC
     if np.isfinite(full).all():
         words = "begin at {:.0f} % of the full signal: their range is another"
         lowered = partial(by_rows, partial(_less, 0.01 * full))
+        # first amounts, chosen, as of zeros of joints below
         percent = (-15.0, -6.0, 6.0, 15.0)
         yield ChannelChange(
             ROTOR_COMMANDS, words, RANGE, COMMANDS, lowered, percent, True, PRICE_AMOUNT

@@ -57,11 +57,12 @@ TRACKING = 0.85
 loop."""
 
 PERIOD = 0.01
-"""Time (s) between instants at which the flight of a segment is evaluated."""
+"""Time (s) between instants at which the flight of a segment is evaluated: forty in a
+period of the fastest sine."""
 
 SHRUNK, PATIENCE = 0.85, 20
 """Factor on the amplitudes that violate a limit, and number of rounds before all
-amplitudes are reduced."""
+amplitudes are reduced; 20 rounds leave 4 % of an amplitude."""
 
 
 @immutable

@@ -57,11 +57,12 @@ from skyarm.records.immutable import positional
 from skyarm.vehicle import Vehicle
 
 APART = 0.1
-"""Time (s) between the starts of two predictions."""
+"""Time (s) between the starts of two predictions; chosen, as nearer ones tell much the
+same."""
 
 LEARNT, ONCE = 300, 2000
 """Largest number of predictions in the fitted flights that determine how a past counts,
-and of one-step predictions."""
+and of one-step predictions; chosen, for the time that they take."""
 
 PASTS, MEMORIES = (0.1, 0.35), (0.0, 0.1, 1.0)
 """Candidate durations (s) of the past that shows the unexplained part, and candidate
@@ -85,7 +86,8 @@ mean in its own flights, so they cannot show it; in others battery, wind and tri
 differ."""
 
 ROUNDS = 4
-"""Number of iterations of the estimate of sensor noise and wrench spread."""
+"""Number of iterations of the estimate of sensor noise and wrench spread, chosen; the
+spread is estimated from the second on."""
 
 
 def predict_held_out(
@@ -332,6 +334,7 @@ def errors_of(ends: Ends, shares: Array) -> HorizonErrors:
     """
     predicted = (ends.off * shares[..., None, :]).sum(axis=1)
     left = ends.measured - predicted
+    # rotation vectors do not subtract: of attitudes the turn between both counts
     turn = PARTS.index("attitude")
     left[turn] = rotations_between(
         *(_attitudes(each[turn]) for each in (predicted, ends.measured))
@@ -359,7 +362,7 @@ def shares_of(ends: Ends) -> Array:
     """
     if not ends.measured.shape[1]:
         return np.stack([WHOLE] * len(PARTS))
-    student_quantile()
+    student_quantile()  # whose one-line error names the cure where SciPy is missing
     from scipy.optimize import lsq_linear
 
     # over a few samples all parts are within the noise: beyond 0 to 1 they would only
@@ -367,6 +370,8 @@ def shares_of(ends: Ends) -> Array:
     sizes = np.linalg.norm(ends.off, axis=2) + 1e-300
     shares = np.empty_like(sizes)
     for i, j in np.ndindex(len(sizes), 3):
+        # columns of length 1, and bounds likewise: free of units; with two unknowns
+        # bvls ends at the exact optimum
         size = sizes[i, :, j]
         shares[i, :, j] = (
             lsq_linear(
@@ -518,6 +523,10 @@ def _turn(
 ) -> tuple[Array, Mask, NormalEquations, Reduced, WindowStates]:
     """One Gauss-Newton step in initial states and unexplained wrenches of windows, with
     known vehicle parameters.
+
+    Returns:
+        Residuals and mask (steps, W, sensor axes), the equations at the given states,
+        the same reduced to the windows' own unknowns, and the states after the step.
     """
     errors, there, normal = before.normal(NONE, states, noise)
     reduced = reduce(normal, states.beside, loose_with(before, spread), NONE)

@@ -33,7 +33,8 @@ GIVEN = "Total mass and rotor places are given; inertia scales with both."
 the distances of the rotors."""
 
 SHOWN = 0.5
-"""Least fraction of a parameter's information that the flights must give."""
+"""Least fraction of a parameter's information that the flights must give: as much as
+was known before."""
 
 LAGS = ("delay", "rotors.time_constant_up", "rotors.time_constant_down")
 """Parameters of the rotor response that commands below 40 Hz do not show."""
@@ -202,6 +203,7 @@ def identified_numbers(
     """
     covariance = scale.rows @ found.covariance @ scale.rows.T
     before = scale.before
+    # the larger of both: an interval is never narrower than by the curvature
     after = np.maximum(
         np.diag(covariance), np.diag(scale.rows @ found.curvature @ scale.rows.T)
     )
@@ -275,6 +277,8 @@ def disagreement(
             -scale.rows @ spread @ (found.stretch_scores[own].sum(axis=0) + pulled)
         )
         variances.append(variances_of(scale.rows, spread))
+    # curvature counts white noise alone: the variance of each flight is taken to be
+    # larger by the factor of all flights together
     noise = after / variances_of(scale.rows, found.curvature)
     variance = np.stack(variances) * noise
     weights = np.where(1.0 - variance / scale.before >= SHOWN, 1.0 / variance, 0.0)

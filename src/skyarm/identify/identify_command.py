@@ -414,6 +414,7 @@ def _is_own_log(path: Path) -> bool:
     """
     if path.suffix == ".mcap" and path.is_file():
         return is_own_mcap(path)
+    # a suffix of no log of ours is refused, which is the answer here
     with suppress(RegistryError):
         return bool(require_readable(path))
     return False

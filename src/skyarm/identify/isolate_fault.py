@@ -210,6 +210,7 @@ def _isolate(
     except ValueError:  # of a page or a studio, which do not need it
         return
     aligned, clock = align_poses(flight)
+    # a second before, or the section would lose SETTLING at its begin once more
     begin = flying_spans(commanded_speeds(flight, start), start)[0][0] - 1.0
     flights = (
         flight.section(begin, begin + SECONDS),
@@ -242,6 +243,7 @@ def _verdict(
     model does not explain them.
     """
     left = Leavings(start)
+    # without windows there is nothing to explain, and no fault
     before = left.rows(flights[1], *LAST) or Left({})
     sizes = {
         name: max(size for (of, _), size in before.sizes.items() if of == name)
@@ -334,7 +336,8 @@ def _telling_row(before: Left, after: Left) -> tuple[str, int]:
     loud = [row for row in rows if row[0] not in PUSHES and rows[row] >= ALARM] or list(
         rows
     )
-    # a row that the change leaves out counts as only just explained
+    # a row that the change leaves out counts as only just explained; 1e-3 bounds the
+    # ratio of one that is left without error
     return max(loud, key=lambda row: rows[row] / max(after.sizes.get(row, ALARM), 1e-3))
 
 
@@ -562,6 +565,7 @@ class Leavings:
             return None
         adrift = Left(dict.fromkeys(errors.rows, math.inf))
         try:
+            # overflow is an answer here, and told by what is not finite below
             with np.errstate(all="ignore"):
                 fit = fit_windows(errors, search.begin, turns=turns)
         except (ValueError, np.linalg.LinAlgError):

@@ -352,6 +352,7 @@ ground hardly drifts."""
 SPEED_UNITS = {
     "rpm": 30.0 / np.pi,
     "Hz": 0.5 / np.pi,
+    # seven pairs, of the usual motor with 14 poles
     "rad/s of a motor behind a gear, or of poles": 7.0,
 }
 
@@ -396,6 +397,7 @@ def _ground(
         f"{airborne:.2g} s in the air: too short, or cut off",
         "take a flight of 10 s or more",
     )
+    # a thousandth of the weight, chosen: rotors that idle or stand
     if flight.duration < SHORTEST_FLIGHT:
         yield brief
     elif (not spans and not climbed and (rests or share < 1e-3)) or (rests and still):
@@ -410,7 +412,8 @@ def _ground(
             f"lift {share:.3g} times the weight of '{start.name}'"
             f" ({float(start.mass):.3g} kg) in the air"
         )
-        # thrust goes with the square of the speed, and so with that of its unit
+        # thrust goes with the square of the speed, and so with that of its unit; bounds
+        # chosen: a thrust curve that is wrong by so much leaves the unit to be told
         looks = [
             unit for unit, scale in SPEED_UNITS.items() if 0.6 < share / scale**2 < 1.6
         ]

@@ -32,8 +32,9 @@ AUTOPILOTS, SENT, SAMPLES = (
 such commands."""
 
 ROUNDED, NOUGHT = 2.5, 1e-9
-"""Smallest second differences that rounding makes of a straight line; fraction of the
-largest one that counts as zero."""
+"""Largest second differences that rounding makes of a straight line, in units of the
+smallest: numbers rounded to a unit have 0, 1 or 2 of them; fraction of the largest one
+that counts as zero."""
 
 EVEN, REGULAR = 0.1, 0.5
 """Largest relative deviation of sample intervals from their median, and fraction of

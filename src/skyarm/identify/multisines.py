@@ -34,7 +34,8 @@ EASING = 1.5
 """Rise time and fall time (s) of the envelope."""
 
 LOWEST, HIGHEST_BASE, HIGHEST_JOINTS = 0.15, 1.2, 2.5
-"""Lowest frequency (Hz) of the sines, and highest of the base and of the joints."""
+"""Lowest frequency (Hz) of the sines, one and a half periods in a segment of 10 s, and
+highest of the base and of the joints."""
 
 STRONGEST = 4.0
 """Highest acceleration (m/s^2) of the base along a drawn axis: a tilt of 22 degrees."""
@@ -119,6 +120,7 @@ class Segment:
         zero = np.zeros(len(times))
         return np.stack(
             [
+                # a derivative may be one number for all times
                 [zero + each for each in signal.derivatives(times)[:3]]
                 for signal in signals
             ],

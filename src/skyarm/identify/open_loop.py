@@ -200,6 +200,7 @@ def slopes_of(
     # odd reflection goes on with value and slope beyond both ends
     longer = np.pad(rows, ((before, after), (0, 0)), mode="reflect", reflect_type="odd")
     value, slope = (
+        # the pseudo-inverse's first rows weigh the samples for value and slope at 0;
         # turned round, as np.convolve turns its second argument once more
         np.stack(
             [np.convolve(column, each[::-1], "valid") for column in longer.T], axis=1
@@ -300,6 +301,7 @@ class OpenLoopPredictor:
         still, anywhere = [False] * vehicle.n, [np.zeros(0, int)] * len(flights)
         self._errors = WindowErrors(
             ClockedWindows(self.flights, vehicle, 0.0, places=anywhere),
+            # joints move as they were measured, whatever pulls at them
             with_heavy_joints(vehicle),
             [],
             numbers_around(about) | thrust,
@@ -394,6 +396,7 @@ def places_of(
     rows = [
         np.arange(max(a + before, first), b, every) for a, b in runs_of(flight.usable)
     ]
+    # the empty array, as of no usable part there is nothing to join
     return np.concatenate([np.zeros(0, int), *rows])
 
 

@@ -69,7 +69,7 @@ rotors' distance from the base, and about a joint (rad)."""
 
 FULL, HIGHEST = "rotors.thrust_at_100_percent", 0.95
 """Parameter of the thrust at full signal, and fraction of full speed that some commands
-must reach for a reliable value."""
+must reach for a reliable value: a tenth of the thrust lies beyond it."""
 
 LENGTHS = ("base.com.", "place.", "rotors.drag_height")
 """Prefixes of parameters that are lengths from the base or from a hub."""
@@ -277,7 +277,7 @@ def _by_geometry(identified: Identified, start: Vehicle) -> Iterator[Found]:
             float(about @ np.cross(was, at)),
             float(was @ at - (about @ was) * (about @ at)),
         )
-        # half an interval as an angle, at its distance from the axis
+        # half an interval as an angle, at its distance from the axis, which may be 0
         half = max(0.5 * (c.high - c.low) for c in centre if c) / max(
             norm(np.cross(about, was)), 1e-9
         )

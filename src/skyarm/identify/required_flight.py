@@ -153,6 +153,7 @@ def required_flight(vehicle: Vehicle, motion: Array, period: float) -> RequiredF
     force, torques = inverse_dynamics(vehicle, q, Vec3(*rate.T), qd, base, qdd)
     wrench = stack_values(size, (force.force.z, *force.torque))
     *moments, thrust = np.array(allocation_matrix(vehicle), dtype=float)
+    # pinv: more than four rotors share a wrench by the least squares of their pushes
     shares = (
         wrench[:, :, None] * np.linalg.pinv(np.array([thrust, *moments])).T[:, None, :]
     )

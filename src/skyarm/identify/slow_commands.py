@@ -25,8 +25,8 @@ from skyarm.records.arrays import doubles
 from skyarm.vehicle import Vehicle
 
 GRID, LATEST = 0.02, 0.16
-"""Step (s) of the compared series; longest delay and lag (s) of the rotors that is
-tried."""
+"""Step (s) of the compared series, below the period of any commands that are slow;
+longest delay and lag (s) of the rotors that is tried."""
 
 LEAST, FEWEST = 0.15, 50
 """Least explained share of the variance of roll or pitch; number of compared instants

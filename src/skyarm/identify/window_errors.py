@@ -44,7 +44,8 @@ LOOSE, CARRIED = 0.3, 0.25
 weight, at the rotors' distance for revolute joints."""
 
 HAT = 0.02
-"""Spacing (s) of the hat functions of an unlogged effort."""
+"""Spacing (s) of the hat functions of an unlogged effort, which thus follow one of up
+to 25 Hz."""
 
 OUTLIER = 3.0
 """Standard deviations above which an error counts linearly (Huber 1964)."""
@@ -59,11 +60,13 @@ SAME = 0.1
 accounts for it."""
 
 CHUNK = 24
-"""Number of steps whose slopes are held in memory at once."""
+"""Number of steps whose slopes are held in memory at once, summed by one product of
+matrices; chosen: more take more memory, fewer more products."""
 
 PUSH, TWIST = 1.0 / 15.0, 1.0 / 40.0
 """Prior size of the unexplained force and torque, over the weight and the weight times
-the rotors' distance."""
+the rotors' distance. A search begins with it, and estimates the spread from its second
+turn on."""
 
 BIAS = {"gyro": "gyro_bias.", "accelerometer": "offset."}
 """Sensor -> prefix of the parameters that are added to its readings."""
@@ -684,7 +687,9 @@ def _error(
         return measured - flown, (now[:, 0] - before[:, 0]) / step
     w, *turn = Quaternion(*flown).conjugate() * Quaternion(*measured)
     size = np.sqrt(w**2 + turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
-    # the sign of w takes the shorter way round
+    # twice the sine of half the angle, smooth through 0, in its place: 0.2 % less at
+    # 0.2 rad; over the size, as interpolation leaves no unit quaternion; the sign of w
+    # takes the shorter way round
     return np.stack(turn) * (2.0 * np.sign(w) / size), rate
 
 
@@ -825,6 +830,7 @@ class WindowLanes:
         for k, setpoint in enumerate(setpoints.T):
             goals[:, k] = goal
             goal = (
+                # each flight begins with its servos at their setpoints
                 setpoint
                 if k in windows.firsts
                 else goal + np.clip(setpoint - goal, -most, most)
@@ -921,6 +927,7 @@ def in_halves(
     """
     share = late / step
     mean = share * before + (1.0 - share) * after
+    # halves m - h and m + h have, about the step's begin, the moment m / 2 + h / 4
     half = 2.0 * share * (1.0 - share) * (after - before)
     return mean - half, mean + half, np.full_like(late, 0.5 * step)
 

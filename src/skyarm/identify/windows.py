@@ -67,7 +67,8 @@ COASTING = 0.1
 lag."""
 
 RECOVERED = 3.0
-"""Time constants after coasting until a rotor's speed is predictable again."""
+"""Time constants after coasting until a rotor's speed is predictable again: 5 % of an
+error remains."""
 
 AROUND = 0.05
 """Time (s) to each side of an instant over which parabolas through the samples give an
@@ -445,6 +446,7 @@ class ClockedWindows:
             if places is None
             else places
         )
+        # firsts has one entry more, the end of the last flight
         begins = np.concatenate(
             [first + part for first, part in zip(self.firsts, rows, strict=False)]
         )

@@ -51,6 +51,7 @@ def checksum(data: bytes) -> int:
     return _MIRRORED[crc & 0xFF] << 8 | _MIRRORED[crc >> 8]
 
 
+# what a last byte of any value adds to a checksum, which is linear in it
 _STEPS = frozenset(binascii.crc_hqx(bytes([byte]), 0) for byte in range(256))
 
 
@@ -141,6 +142,7 @@ def _declared_fields(text: str) -> Iterator[MavlinkField]:
     """Parse the field list of a message definition: type, names, ``;`` between types,
     ``+`` before extensions.
     """
+    # a message without extensions has no second part
     for part, extension in zip(text.split("+"), (False, True), strict=False):
         for group in part.split(";"):
             kind, *names = group.split()

@@ -247,6 +247,7 @@ class MavlinkVehicle:
             modes = self._kinds.get(message["autopilot"])
             if modes is None:
                 return False
+            # the kind of the first heartbeat stays: another one's numbers mean others
             self.modes = self.modes or modes
             self.system = message.system
             self.beaten = time.monotonic()

@@ -139,6 +139,7 @@ class Tape:
                         )
                 self._file.write(_pack(self.time, what, channel, data))
         except TranscriptError:
+            # a second error of the same disk tells less than the first
             with contextlib.suppress(TranscriptError):
                 self.close()
             raise
@@ -174,6 +175,7 @@ def _rows_for(name: str, rows: Iterator[Row], file: str) -> Iterator[Row]:
         TranscriptError: it is that of another autopilot.
     """
     first = next(rows, None)
+    # one that was recorded without a name begins with the exchange
     if first is None or first[1] != AUTOPILOT:
         return rows if first is None else itertools.chain([first], rows)
     if name and first[2] != name.encode():

@@ -103,6 +103,15 @@ def hold(
 ) -> Moved:
     """Integrate vehicle and contact states over an interval (s) with constant
     commands.
+
+    Args:
+        worlds: true vehicles and gravity.
+        integrator: integrator's name.
+        count: numbers of integration steps near contact, far from it and at stops.
+        now: states, and memories of the coupled components.
+        commands: command of each vehicle.
+        around: surroundings of the period.
+        seconds: s.
     """
     # one evaluation of the forces in a step in place of four
     near = VERLET if count.verlet else integrator
@@ -114,6 +123,7 @@ def hold(
     usual: Scalar = steps
     if count.slack:
         rate = friction_bound(vehicles, count.mobile)
+        # a constant one is in ``steps`` already
         if not concrete(rate):
             # the friction of this flight; a hit below needs as many times more steps as
             # it does in a flight alone

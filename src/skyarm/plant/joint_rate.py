@@ -72,6 +72,7 @@ def friction_rate(vehicle: Vehicle) -> float:
     if not D.any():
         return 0.0
     if not np.all(np.isfinite(D)):
+        # argmin of truth values: the first joint that is not finite
         raise VehicleError(_blame(joints[int(np.argmin(np.isfinite(D)))], math.inf))
     # D^1/2 A D^1/2 has the eigenvalues of A D and is symmetric
     rate, mode = fastest_mode(vehicle, np.sqrt(D))
@@ -263,6 +264,8 @@ def joint_numbers(vehicle: Vehicle) -> JointNumbers:
             rows = np.stack([np.einsum("sii->si", mobility), mobility @ efforts]).max(
                 axis=1
             )
+            # the sampled configurations are no mirror images: mirrored joints get one
+            # number
             rows = of_mirrored(rows, mobility)
             # powers of two: nearly equal vehicles share one compiled program
             most = np.exp2(np.ceil(np.log2(rows))).T.tolist()
@@ -288,6 +291,7 @@ def stop_rate(
     joint at no more than 1 / c. Several joints' squares add up.
     """
     square: Scalar = 0.0
+    # numbers are () where they are not known: no stop counts then
     rows = zip(vehicle.links, numbers, state.joints, state.joint_rates, strict=False)
     for link, (mobility, acceleration), q, qd in rows:
         joint = link.joint
@@ -297,6 +301,8 @@ def stop_rate(
             speed = absolute(qd) + acceleration * seconds
             # the same bound on the way decides whether a stop can be met
             near = maximum(q - joint.upper, joint.lower - q) + speed * seconds > 0.0
+            # 1 + 2 c v is no less than 1 + c v of the spring nor 2 c v of the damping
+            # alone
             stiffness = joint.stop_stiffness * (1.0 + 2.0 * joint.stop_damping * speed)
             square = square + where(near, mobility * stiffness, 0.0)
     return sqrt(square)
@@ -311,6 +317,7 @@ def friction_bound(
     largest: Scalar = 0.0
     for vehicle, own in zip(vehicles, numbers, strict=True):
         rate: Scalar = 0.0
+        # own is () where the numbers are not known, and bounds nothing then
         for joint, (mobility, _) in zip(vehicle.joints, own, strict=False):
             # a trace bounds the largest eigenvalue, and needs no matrix in the program
             rate = rate + mobility * (
@@ -336,4 +343,5 @@ def touch_steps(
     for vehicle, numbers, state in zip(vehicles, stops, states, strict=True):
         rate = maximum(rate, stop_rate(vehicle, numbers, state, seconds))
     # minus the floor of the negative is the ceiling, which scalars do not have
+    # less 1e-9: a quotient that is whole up to rounding takes no step more
     return minimum(-floor(1e-9 - rate * seconds * (1.0 / largest)), float(MOST_STEPS))

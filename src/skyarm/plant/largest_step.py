@@ -172,6 +172,7 @@ def check_largest_step(
             # the parameters of a drive are in the file, its largest step is not
             why = (
                 record.why_short_steps()
+                # NaN or infinity is told as it is: no constants of a drive explain it
                 if isinstance(record, Drive) and value < period
                 else ""
             )

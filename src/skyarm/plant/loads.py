@@ -185,6 +185,7 @@ def _outside(
     joints.
     """
     total, pushed = _sum([each for each in wrenches if type(each.acts) is int], motion)
+    # an int is structure: it always acts; all others together cost one branch
     if seldom := [each for each in wrenches if type(each.acts) is not int]:
         none: tuple[Force, Scalars] = Force(ZERO3, ZERO3), (0,) * motion.vehicle.n
         force, efforts = compute_where(

@@ -343,6 +343,7 @@ class MujocoPlant:
         forward = self._forward
         given, coupled, remembered = self._around, self._coupled, self._remembered
         armature = model.dof_armature
+        # a copy: each step adds its own friction to these
         own = model.dof_armature.copy()
         joints = [*chain(*self._layout.joints)]
         try:
@@ -358,6 +359,7 @@ class MujocoPlant:
                     # went wrong
                     forward(model, data)
                     if rk4:
+                        # 4: of fourth order
                         mujoco.mj_RungeKutta(model, data, 4)
                     else:
                         mujoco.mj_Euler(model, data)
@@ -386,6 +388,7 @@ class MujocoPlant:
         """
         self._loads.step()
         with QUIET:
+            # the step above made the forces with which the first stage begins
             memory = self._around[self._coupled]
             start = self._layout.to_mujoco(state)
             given = (*command, *around)
@@ -415,6 +418,7 @@ class MujocoPlant:
         x = self._layout.to_mujoco(state)
         nq = self._layout.nq
         self._qpos[:], self._qvel[:] = x[:nq], x[nq : nq + self._layout.nv]
+        # the last input is the step, of which the caller knows
         self._loads.inputs[:-1] = (*x, *command, *around)
         for each in self._welds:
             each.begin(self._around)

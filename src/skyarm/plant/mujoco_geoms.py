@@ -81,6 +81,7 @@ class Geoms(Welds):
         around: Together,
     ) -> None:
         super().__init__(spec, vehicles, prefixes, around)
+        # contacts are off in a model without geoms (build_spec)
         spec.option.disableflags -= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
         spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         spec.option.impratio, spec.option.tolerance = IMPRATIO, TOLERANCE
@@ -114,6 +115,8 @@ class Geoms(Welds):
             shapes.append((geoms, contact.vehicle_material))
         rows = [(*skin, point, OF_A_POINT) for skin, point in product(skins, points)]
         for i, (geoms, _) in enumerate(skins[count:], count):
+            # each two once: an object meets the surfaces and the objects before it; the
+            # log has no numbers of them
             rows += [(*skin, geoms, 0) for skin in skins[:i]]
         others = {"surface": skins, "carrier": skins[count:], "body": shapes}
         for pair in contact.body_pairs:
@@ -123,6 +126,8 @@ class Geoms(Welds):
         first = 0
         for theirs, material, ours, width in rows:
             for both in product(theirs, ours):
+                # 3: a force in all directions at each place, and no torque, which
+                # several places make
                 stated = spec.add_pair(geomname1=both[0], geomname2=both[1], condim=3)
                 stated.friction[:2] = material.friction
                 stated.solimp[:2] = IMPEDANCE
@@ -157,6 +162,7 @@ class Geoms(Welds):
         for i, contact in enumerate(self._data.contact):
             mujoco.mj_contactForce(self._model, self._data, i, force)
             own = numbers[self._logged[frozenset(contact.geom.tolist())]]
+            # a slice, which may be empty: of two objects nothing is logged
             own[:1] += force[0]
             if len(own) == OF_A_POINT:
                 own[1:] += math.hypot(*force[1:3]), -contact.dist
@@ -176,6 +182,8 @@ def _add_geom(spec: mujoco.MjSpec, body: str, shape: Surface | Collision) -> str
         low, rise = height * float(grid.min()), height * float(np.ptp(grid))
         field = spec.add_hfield(
             name=name,
+            # a flat field has no rise, and MuJoCo refuses 0: its numbers become zeros,
+            # for which any height will do
             size=[0.5 * x, 0.5 * y, rise or height, base + low],
             nrow=grid.shape[0],
             ncol=grid.shape[1],

@@ -160,6 +160,7 @@ class Layout:
                 *still,
             ]
             place += [*range(self.bases[i], self.bases[i] + 6), *self.dofs[i]]
+        # the inverse of the permutation ``place``, as of ``_theirs``
         ordered = [
             generalized[i] for i in sorted(range(self.nv), key=place.__getitem__)
         ]

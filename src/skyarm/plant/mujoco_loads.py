@@ -118,6 +118,7 @@ class Loads:
             for dofs, own in zip(layout.joints, beside, strict=True)
             if stuck_of(own)
         ]
+        # int: an empty array would be of floats, which are no indices
         self._dofs = np.array([dof for dofs in stuck for dof in dofs], dtype=int)
         own_dofs = [
             (*range(base, base + 6), *dofs)

@@ -146,6 +146,8 @@ def add_vehicle(
         body = bodies[grasp.link].add_body(
             name=name, pos=float_array(place), quat=quaternion_of(grasp.rotation)
         )
+        # no mass until the load is held, when Loads gives it one; MuJoCo's defaults are
+        # these, too (measured)
         body.explicitinertial = True
         body.mass = 0.0
         body.inertia = np.zeros(3)

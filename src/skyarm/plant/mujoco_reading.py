@@ -62,6 +62,8 @@ def beside_mujoco(vehicle: Vehicle, file: str) -> list[tuple[str, str, str, str]
     limits = np.reshape(
         [(float(each.lower), float(each.upper)) for each in vehicle.joints], (-1, 2)
     )
+    # an unlimited joint has no range to draw from: half a turn either way, of slides as
+    # many m, is chosen for all
     lower, upper = limits.clip(-np.pi, np.pi).T
     poses = np.random.default_rng(0).uniform(lower, upper, (POSES, vehicle.n))
     # the zero pose is the first, of which the rows of the table are

@@ -147,6 +147,8 @@ class StagedRungeKutta:
             for place, rate in zip(
                 each.moving, inputs.acceleration[layout.nv :], strict=True
             ):
+                # objects that MuJoCo holds move by its accelerations, not by our forces
+                # alone
                 faster[place] = rate
         rows = list(zip(inputs.first, inputs.rates, faster, strict=True))
         memory = [add(m, add(mul(earlier, s), mul(own, k))) for m, s, k in rows]
@@ -220,6 +222,7 @@ class StagedRungeKutta:
                 self._moving[:] = self._move_state
         for each in self._welds:
             self._solve()
+            # at the state that is reached: the last stage was solved at its estimate
             at["memory"][each.forces] = each.wrenches()
         return at["now"].tolist(), at["memory"].tolist()
 

@@ -217,6 +217,8 @@ class Welds:
         for site, turn in zip(
             fixed, memory[self._turns].reshape(-1, 3, 3), strict=True
         ):
+            # ``turn`` leads from the body to the frame, a site's attitude back to its
+            # body
             mujoco.mju_mat2Quat(self._model.site_quat[site], turn.T.ravel())
         self.put(memory)
 

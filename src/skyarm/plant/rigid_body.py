@@ -377,6 +377,7 @@ def far_step(
     """
     there = around.with_coupled(now[1])
     after, _ = COUPLED_STEP[name](worlds, now[0], commands, there.without_coupled(), dt)
+    # the first vehicle's gravity, whose motion shared models are given in contact, too
     return after, there.alone(dt, rounds, worlds[0].gravity)
 
 

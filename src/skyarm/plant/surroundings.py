@@ -77,6 +77,8 @@ class Surroundings:
             given = component.wrenches(
                 memory, self.time, motion, motion.state.rotor_speeds
             )
+            # a vehicle without a name stands alone in a check, to which others are
+            # unknown
             for agent in (
                 {each.agent for each in given} - {"", *motion.agents}
                 if motion.name

@@ -328,7 +328,8 @@ class Document:
         """Flight data for reading a reference, with the events of a task once its
         reference is read.
         """
-        # by the file, whatever is flown of it
+        # the file's duration where less is flown, so that the reference stays the same;
+        # a longer flight needs one for all of its time
         stated = number(self.table("").take("duration", 0.0), "duration")
         return readers.setting_of(
             self.word("plant"), max(self.word("duration"), stated)

@@ -32,7 +32,8 @@ LOST = 1e3
 overflow: a free fall is there after 14 s."""
 
 LONG = 2.0
-"""Size of a quaternion component that counts as divergence."""
+"""Size of a quaternion component that counts as divergence: one of unit length has at
+most 1."""
 
 
 Distance = tuple[Scalar, *tuple[str, ...]]
@@ -370,6 +371,7 @@ class BodyCollision(DistanceEnding):
         found: list[Distance] = []
         for contact in self.contacts(scenario):
             names = [pair.name for pair in contact.body_pairs]
+            # any positive number: a pair that does not meet is inside the limit
             far: Scalars = (1.0,) * len(names)
             gaps = contact.with_touches(
                 contact.start(0.0, ()),
@@ -443,6 +445,7 @@ def lowest_point(vehicle: Vehicle, state: State) -> Scalar:
         f.position if f.link == BASE else poses[f.link].apply(f.position)
         for f in vehicle.frames
     ]
+    # 0 is the base's origin, below which a point must lie to count
     lowest: Scalar = 0.0
     for point in points:
         lowest = minimum(lowest, R.r2.dot(point))

@@ -432,6 +432,7 @@ def _mean(rows: Array, half: int) -> Array:
         ],
         axis=1,
     )
+    # differences of running sums: the cost does not grow with the window
     sums = np.cumsum(np.concatenate([np.zeros((len(rows), 1)), padded], axis=1), axis=1)
     width = 2 * half + 1
     return np.asarray((sums[:, width:] - sums[:, :-width]) / width)

@@ -44,10 +44,12 @@ smooth motion; chosen. Half of it leads a circle, a drop, a swing and corners 0.
 0.2 s sooner to their end, twice as late (measured); all keep the limits."""
 
 ACCELERATION = 1.0
-"""Largest second derivative (1/s) of the path time."""
+"""Largest second derivative (1/s) of the path time; chosen: from a stop the commanded
+speed is reached in a second."""
 
 SLOWEST = 0.02
-"""Smallest path speed ds/dt except at a corner."""
+"""Smallest path speed ds/dt except at a corner; chosen: a path takes at most 50 times
+as long."""
 
 RATES = tuple(0.93**k for k in range(54))
 """Constant path speeds that are tried, from the commanded one to ``SLOWEST``."""
@@ -92,6 +94,7 @@ class Ceilings:
         lowered = np.full_like(values, math.inf)
         # several times may fall on one grid point, where plain indexing keeps the last
         np.minimum.at(lowered, index, to)
+        # seconds of flight, at this path speed, in steps of the path
         reach = math.ceil(CALM * rate / GRID)
         padded = np.concatenate(
             [np.full(reach, math.inf), lowered, np.full(reach, math.inf)]
@@ -131,9 +134,11 @@ def follow(ceilings: Ceilings, duration: float) -> PathTime:
     small = STEP / parts
     stops = [stop for stop in sorted(ceilings.stops) if stop < duration]
     first = 0.0 if stops and stops[0] <= 0.0 else _first_rate(square)
+    # five points on a line through 0 (_first_rate): the sixth completes a quintic
     points = [(i - 2) * STEP * first for i in range(5)]
     stops = [stop for stop in stops if stop > 0.0]
     s, t, rest = points[-1], 2.0 * STEP, 0
+    # the quintic at t has control points up to three steps later
     while t < duration + 3.0 * STEP:
         for _ in range(parts):
             t += small
@@ -152,6 +157,8 @@ def follow(ceilings: Ceilings, duration: float) -> PathTime:
             # a reference that is slowed never runs ahead of the commanded one
             s = min(s + rate * small, t)
             if stops and s >= stops[0] - rate * small:
+                # six equal control points are all of a quintic: it stands still at the
+                # corner
                 s, rest = stops.pop(0), 6 * parts
         points.append(s)
     return PathTime(points=tuple(round(p, DIGITS) for p in points), step=STEP)
@@ -191,7 +198,8 @@ class PathPlan:
 
 
 SLACK = 1.002
-"""Ratio of demand to limit up to which a limit counts as satisfied."""
+"""Ratio of demand to limit up to which a limit counts as satisfied; chosen: a motion
+may end this little above it."""
 
 NOTHING = 1e-7
 """Lag (s) that counts as rounding."""
@@ -236,6 +244,7 @@ def even_rates(judge: Judge, ceilings: Ceilings) -> None:
     """Lower the bounds along the path to the largest constant path speed that is
     feasible at each position.
     """
+    # half a step more: rounding must not take the last place
     path = np.arange(-BEYOND, ceilings.duration + BEYOND + 0.5 * GRID, GRID)
     inside = (path > -0.5 * GRID) & (path < ceilings.duration + 0.5 * GRID)
     open_ = np.ones(len(path), dtype=bool)
@@ -243,6 +252,7 @@ def even_rates(judge: Judge, ceilings: Ceilings) -> None:
     for rate in RATES:
         if rate <= SLOWEST or not open_.any():
             break
+        # at a constant path speed the path is rate t, without higher derivatives
         over = judge.over((path, still + rate, still, still, still), path / rate).max(
             axis=0
         )
@@ -299,6 +309,7 @@ def _calm(ceilings: Ceilings, s: Derivatives, over: Array) -> None:
     index = np.clip(np.round(place / GRID).astype(int), 0, len(ceilings.rate) - 1)
     calmest = ceilings.acceleration[index] <= LEAST_ACCELERATION
     calmer = CALMER * ceilings.acceleration[index]
+    # one path speed for all places, to turn seconds of flight into path
     around = float(np.median(rate))
     ceilings.lower(ceilings.acceleration, place, calmer, LEAST_ACCELERATION, around)
     # what is on its way to a ceiling is not helped by a lower one
@@ -306,18 +317,20 @@ def _calm(ceilings: Ceilings, s: Derivatives, over: Array) -> None:
     if there.any():
         # accelerations go with the square of the rate, jerks with its cube; small
         # steps, since neighbours slow down, too
+        # half to 7 percent, chosen: a round gets somewhere, and not too far
         slower = np.clip(over[more] ** -0.35, 0.93, 0.995) * rate
         ceilings.lower(ceilings.rate, place[there], slower[there], SLOWEST, around)
 
 
 CALMER = 0.85
-"""Factor by which the path's acceleration limit is lowered in one step."""
+"""Factor by which the path's acceleration limit is lowered in one step; chosen: 15
+steps take it to its least."""
 
 THERE = 0.8
 """Fraction of a speed bound above which the path speed counts as limited by it."""
 
 LEAST_ACCELERATION = 0.1
-"""Smallest acceleration limit (1/s) of the path."""
+"""Smallest acceleration limit (1/s) of the path; chosen: a tenth of the usual one."""
 
 BEYOND = 0.3
 """Time (s) that is evaluated beyond both ends of the flight for differences and

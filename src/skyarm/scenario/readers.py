@@ -474,6 +474,8 @@ def reference(entry: Entry, path: str, reading: ScenarioWords) -> Trajectory:
     vehicle = reading.word("plant").vehicle
     setting = reading.setting
     team = reading.word("team")
+    # a misspelt agent would be one more, at the origin: beside others with a reference
+    # of their own, one without is refused
     if path == "reference" and reading.name and (team is not None or not entry):
         stated = Fields(reading.entry_at(AGENTS), AGENTS).table.items()
         if team:
@@ -488,6 +490,7 @@ def reference(entry: Entry, path: str, reading: ScenarioWords) -> Trajectory:
             raise ValueError(f"{AGENTS}.{reading.name}: {words} {comma_list(led)}")
     if team is None and isinstance(entry, dict) and "object" in entry:
         raise ValueError(f"{path}.object: must be left out without [team]")
+    # [reference.object] is the motion of the team's body, read with the team
     if team is not None and isinstance(entry, dict):
         entry = {
             name: each

@@ -166,6 +166,8 @@ def _with_agents(tables: Tables, names: Iterable[str]) -> Tables:
     if AGENTS not in tables and [*names] == [SOLE]:
         return tables
     stated = Fields(tables, "").inner(AGENTS)
+    # an agent without a reference beside others that have one is taken for a misspelt
+    # name (readers.reference)
     further: Tables = {} if "reference" in tables else {"reference": {}}
     return tables | {
         AGENTS: {name: stated.inner(name).table or further for name in names}

@@ -38,6 +38,7 @@ def scenario_differences(a: object, b: object) -> dict[str, tuple[Plain, Plain]]
     differences = {}
     for names in {**ours, **theirs}:
         pair = ours.get(names, ABSENT), theirs.get(names, ABSENT)
+        # to Python True and 1.0 are 1, to a program they are not
         if type(pair[0]) is not type(pair[1]) or pair[0] != pair[1]:
             differences[_path(names)] = pair
     return differences

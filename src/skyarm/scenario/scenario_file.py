@@ -204,6 +204,7 @@ def kind_of_file(name: str) -> str:
     if not name.endswith(".toml") or unreadable(Path(name)):
         return ""
     try:
+        # what is wrong with it is told by whoever reads it as its kind
         return kind_of(read_toml(Path(name).read_bytes()))
     except (OSError, ValueError):
         return ""

@@ -54,6 +54,7 @@ UNKNOWN: Any = None
 """Placeholder for state, motion or time of a component that must not depend on it."""
 
 LEVEL, TILTED = Quaternion(1.0, 0.0, 0.0, 0.0), Quaternion(0.9, 0.3, 0.3, 0.1)
+"""Attitudes of the test for an effect: level, and tilted about no axis alone."""
 
 
 class WithoutEffectWarning(UserWarning):
@@ -177,6 +178,7 @@ def _begin(scenario: Scenario, component: Component[Tree], noise: float = 0.0) -
     values equal ``noise``.
     """
     # more are refused before the flight
+    # start takes two numbers for each of a period; 0.5 is their mean
     draws = [0.5] * 2 * min(component.uniforms, MOST_UNIFORMS)
     memory = component.start(scenario.rates.period, draws)
     return rebuild(memory, [noise] * len(leaves(memory))) if draws else memory

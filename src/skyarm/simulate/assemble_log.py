@@ -262,6 +262,7 @@ def _tables(piece: AgentPiece) -> dict[str, Array]:
         rows = tuple(c[start : start + count] if c.ndim else c for c in columns)
         return table_of(rows, count)
 
+    # a copy of the times: arrays of a log taken in flight must not be the session's
     state = state_arrays(
         vehicle, inputs.times[start:stop].copy(), flown.states, flown.commands
     )

@@ -358,6 +358,8 @@ class Leg:
         stiff = self.scenario
         if options.stiffest is not None:
             own = (
+                # its own changes, if it has some, may be stiffer than those of the
+                # flight
                 overrides_at(options.stiffest, periods.start)
                 if options.stiffest.changes
                 else overrides
@@ -438,6 +440,8 @@ class Leg:
             return (following, tallies), log
 
         loop = self._program.trace(cut, self.first, self._feed.example)
+        # a program of its own for what depends on time alone takes 20 ms to compile:
+        # motions that vary earn it back
         ahead = any("reference." in path for path in options.paths)
         kernel = Kernel(
             loop,
@@ -567,6 +571,8 @@ class Leg:
         ):
             if start < stop:
                 rows = self.rows[start - self.periods.start : stop - self.periods.start]
+                # extremes start at 1e300, whose cast to 32 bits would overflow with a
+                # warning
                 bounded = np.clip(carry, -limit, limit)
                 carry, samples = kernel.run(
                     bounded,

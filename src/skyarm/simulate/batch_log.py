@@ -122,6 +122,7 @@ def _concatenate(
     """Join logged segments along time; a segment whose fields differ from those of the
     last one becomes NaN.
     """
+    # the last: a flight ends with the sensors that its scenario then has
     example = next(each for each in reversed(records) if each is not None)
     count = len(leaves(example))
     columns = []

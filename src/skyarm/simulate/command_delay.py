@@ -133,6 +133,7 @@ def arrivals(
     parts = Parts()
     start: Scalar = 0.0
     plain = all(type(end) is float for end in every)
+    # a set of floats: equal ends would leave intervals of no length
     for end in sorted({*map(float, every)}) if plain else _ascending(every):
         now = list[Command]()
         for some, own, new in zip(ends, each, after, strict=True):
@@ -207,6 +208,7 @@ def drives_after(
             new + (old - new) * share
             for old, new in zip(before.efforts, after.efforts, strict=True)
         )
+    # not strict: drives are none, or one for each joint
     rows = zip(
         drives, memories, setpoints, state.joints, state.joint_rates, strict=False
     )

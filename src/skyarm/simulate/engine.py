@@ -127,6 +127,8 @@ class EpisodeCode(LoopProgram):
         self.calls: list[LawCalls] = (
             []
             if machine_code
+            # a copy: a law that is called may write to its memory, and the scenario
+            # starts others
             else [LawCalls(copy.deepcopy(each.memory)) for each in laws]
         )
         self.carry = self.first
@@ -661,6 +663,7 @@ class Engine:
             uniforms(scenario.seed, scenario.episode, each, ticks, count)[0]
             for each, count in program.draws
         ]
+        # the empty first list below serves a flight that draws nothing
         with np.errstate(all="ignore"):
             return make_period(stages, program.plant_steps(stages))(
                 now, rows, tuple(np.concatenate([[], *draws]))
@@ -771,6 +774,7 @@ class Engine:
         self._stepper.carry[:] = leaves(_with_memories(carried, memories))
         taken = self._pictures.taken
         for name, earlier in other._pictures.taken.items():
+            # pictures on their way stay, but for a camera of another size or latency
             if name in taken and taken[name].shape == earlier.shape:
                 taken[name] = earlier
         self.begun = other.tick

@@ -350,6 +350,7 @@ class UserPart:
             "vehicle": vehicle,
             "scenario": scenario,
             "position_W": state.position,
+            # where it should be: an ending by the distance from there is not met
             "goal": state.position,
             "slack": 0.0,
             "rotors": vehicle.rotors,
@@ -421,6 +422,7 @@ class UserPart:
         if self.kind == "ending" and own.sees:
             function = partial(function, images=given["images"])
         names = ("self", *inspect.signature(function).parameters)
+        # a parameter with a default, as the images of an ending, has no value here
         arguments = dict(zip(names, (own, *values), strict=False))
         before = contents(arguments)
         try:
@@ -428,6 +430,7 @@ class UserPart:
         except KeyError as error:
             name = next(iter(error.args), None)
             readings = given["readings"]
+            # still a function: no readings were made, so the key is none of theirs
             if callable(readings) or not isinstance(name, str) or name in readings:
                 raise
             there = (
@@ -502,6 +505,8 @@ class UserPart:
                 for name in ("largest_step", "frequency", "latency")
             }
             with suppress(Exception):
+                # what a constructor gives is compared here, as _as_constructed keeps
+                # the values; a record that cannot be made of its fields gives nothing
                 own["__post_init__"] = leaves(replace(self.record))
             return {"start": memory, **own, **results}
 
@@ -842,7 +847,10 @@ def _try_elsewhere(
             seed = "1" if os.environ.get("PYTHONHASHSEED") == "0" else "0"
             done = subprocess.run(
                 [
+                    # an embedded Python knows no path: an empty one is an OSError, told
+                    # as a warning
                     sys.executable or "",
+                    # writes no byte code beside the user's files
                     "-B",
                     "-c",
                     PROGRAM,

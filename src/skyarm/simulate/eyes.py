@@ -126,12 +126,15 @@ class RangeImage:
         depth = true
         if sensor.noise.any:
             numbers = normal(*self.keys, true.size).reshape(true.shape)
+            # without a hit any depth will do: its noise is lost in the sum with
+            # infinity
             met = np.where(np.isfinite(true), true, 0.0)
             depth = true + sensor.noise.deviation(met) * numbers
         if sensor.grazing:
             across = np.abs((self.normal * self.directions).sum(axis=-1))
             least = np.sin(sensor.grazing) * np.linalg.norm(self.directions, axis=-1)
             depth = np.where(across < least, np.nan, depth)
+        # by the true distance: noise carries no hit out of the range
         depth = np.where(true > sensor.farthest, np.inf, depth)
         return np.where(true < sensor.nearest, -np.inf, depth)
 
@@ -192,6 +195,8 @@ class Eyes:
                 shapes.append((carrier.name, [*map(part_of, carrier.surfaces)]))
         bases = dict[str, int]()
         for agent, vehicle in scenario.vehicles.items():
+            # BASE is -1: with it the index is that of the base, the first of these
+            # shapes
             bases[agent] = len(shapes) - BASE
             for link, name in enumerate(body_names(vehicle), BASE):
                 own = [each for each in vehicle.shapes if each.link == link]
@@ -258,6 +263,7 @@ class Eyes:
     def frames(self, name: str, log: Log) -> Iterator[RangeImage]:
         """Pictures of a flight from its log, one at a time, when the sensor is due."""
         camera, changes = self._camera(name), stretches(self._scenario)
+        # times are k / rate up to rounding
         ticks = np.rint(log.time * self._scenario.rates.control).astype(int)
         due = np.flatnonzero(ticks % camera.every == 0)
         if len(changes) > 1:
@@ -269,6 +275,7 @@ class Eyes:
                 yield from Eyes(flown).frames(name, rows_of(log, slice(start, stop)))
             return
         # in pieces, of which a long flight reads its file: memory does not grow
+        # 1 more: of a large sensor one picture at a time is left
         size = min(AT_ONCE, 1 + RAYS // math.prod(camera.sensor.shape))
         for rows in (due[i : i + size] for i in range(0, len(due), size)):
             part = rows_of(log, slice(rows[0], rows[-1] + 1))
@@ -333,6 +340,7 @@ class Eyes:
             # the contact model is the last of the shared ones
             memory = cast("ContactMemory", now.components[-1])
             pairs = zip(contact.carriers, memory.carried, strict=True)
+            # advanced as a period does before it logs: attitudes of unit length
             numbers = [x for each, m in pairs for x in each.logged(each.advance(m))]
             columns = cast("Any", contact.carriers)
             for name, values in by_array(columns, numbers).items():
@@ -359,6 +367,7 @@ class Eyes:
         poses = list[tuple[Array, Array]]()
         for contact, moved in zip(self._scenario.worlds, varied.worlds, strict=True):
             for each, placed in zip(contact.surfaces, moved.surfaces, strict=True):
+                # parts stand at the surfaces' own positions: only the change is a pose
                 away = placed.place(times)[0] - each.position
                 poses.append((upright, vectors(away, count)))
             poses += carrier_poses(contact, carried, count).values()

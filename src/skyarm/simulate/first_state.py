@@ -130,6 +130,7 @@ def _first_reading(scenario: Scenario, index: int) -> SensorState:
     state = example_state(*vehicle.sizes)
     draws = (0.5,) * sensor.uniforms(vehicle)
     period = 1.0 / (sensor.frequency or scenario.rates.control)
+    # the zeros of a velocity stand for a specific force: its shape alone counts
     _, example = sensor.take(memory, 0.0, state, state.velocity, NO_PUSH, draws, period)
     reading = structure_of(example)
     slow = sensor.frequency and sensor.frequency < scenario.rates.control

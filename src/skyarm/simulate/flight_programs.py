@@ -56,6 +56,7 @@ class FlightPrograms:
             try:
                 return self._compile(course, scenario)
             except NoMachineCodeError as error:
+                # the flight goes on in Python, with a warning of this text
                 self.slow = str(error)
         return Engine(
             EpisodeCode(

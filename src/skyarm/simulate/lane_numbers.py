@@ -417,6 +417,7 @@ def warn_of_measured_limits(scenario: Scenario, paths: Sequence[str]) -> None:
                 warnings.warn(
                     f"{words}; state controller.safety.stiffness and damping",
                     MeasuredLimitsWarning,
+                    # the line of the user who made the batch
                     3,
                 )
 
@@ -536,6 +537,7 @@ def _paths_by_record(
     for path in values:
         one, word = alone(scenario, path)
         for place in places_of(one, word) if word.startswith(STATED) else ():
+            # from the number outwards: the innermost record that limits steps
             heads = (place[:k] for k in range(len(place), 0, -1))
             head = next(
                 (each for each in heads if _limits_step(type(part(one, each)))), None

@@ -47,6 +47,7 @@ def blank_images(scenario: Scenario, names: Iterable[str]) -> Images:
     return tuple(
         Image(
             time=0.0,
+            # laws are tried with it, too, and may divide by a depth
             depth=(1.0,) * (rows * columns),
             rows=rows,
             columns=columns,
@@ -81,6 +82,7 @@ class ArrivingPictures:
             every = rates.periods_between(sensor.frequency)
             late = round(sensor.latency * rates.control)
             self._clocks[name] = every, late
+            # as many as may be on their way, and the newest that has arrived
             size = -(-late // every) + 1, lanes, 1 + prod(sensor.shape)
             self.taken[name] = np.full(size, np.nan)
 

@@ -228,6 +228,8 @@ class Session(FlightInstant):
     def _name_cause(self) -> bool:
         """Add the line of user code that produced the first infinite or NaN value to
         the cause of a termination.
+
+        Returns False, as a flight does that is over.
         """
         engine = self._engine
         ended = engine.ended

@@ -581,6 +581,8 @@ class AgentStages:
             )
             if outside is None or mode is None:
                 return following, command
+            # modes of Engine.step: 0 the law, 1 a command, 2 rotor speeds beside the
+            # law's joints
             own, joints_own = mode < 0.5, absolute(mode - 1.0) > 0.5
             speeds = blend(own, command.rotor_speeds, outside.rotor_speeds)
             rest = blend(joints_own, command, outside)

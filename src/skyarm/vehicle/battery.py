@@ -29,7 +29,8 @@ from skyarm.vehicle.thrust_table import ThrustTable
 ESC = ("governed", "open")
 
 NO_RESISTANCE, NO_POWER = 1e-12, 1e-12
-"""Least resistance (ohm) and power (W) in a denominator."""
+"""Least resistance (ohm) and power (W) in a denominator: far below those of any pack,
+they keep a stated 0 from dividing by 0."""
 
 LEAST = 1e-3
 """Least voltage of an overloaded pack, as a fraction of the voltage without a load: at

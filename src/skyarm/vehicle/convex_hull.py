@@ -73,6 +73,7 @@ def complete_shape(
             f"{where}.vertices = {len(corners)} points: must be four or more that are"
             " not in one plane"
         ) from None
+    # the order in which the faces were found says nothing of the shape
     rows = sorted((i, j, k) for i, j, k in faces.tolist())
     object.__setattr__(record, "faces", tuple(rows))
 
@@ -130,6 +131,7 @@ def convex_hull(points: Array, most: float) -> tuple[IntArray, IntArray, float]:
             for i, j in zip(face, face[1:] + face[:1], strict=True)
         }
         # an edge between two faces that the new corner sees is inside the new hull
+        # sorted, as a set has no order: equal points have equal faces in equal order
         cone = [(i, j, apex) for i, j in sorted(edges) if (j, i) not in edges]
         faces = np.concatenate([faces[~seen], cone])
         # a hull only grows, so points inside it need no further look

@@ -113,6 +113,7 @@ def turn_onto(axis: Iterable[Any]) -> Matrix:
     x, y, z = (component / length for component in way)
     across = x * x + y * y
     if z < 0.0 and across == 0.0:
+        # half a turn about any axis across z is as small: x is chosen
         return ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
     # 1 / (1 + z), which loses its digits next to the lower pole
     k = 1.0 / (1.0 + z) if z > 0.0 else (1.0 - z) / across

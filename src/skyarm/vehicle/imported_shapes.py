@@ -120,6 +120,7 @@ def import_shapes(bodies: RigidBodies, how: str, notes: Notes) -> list[Collision
     if not stated:
         why = "takes none: no other file states a shape that touches"
         notes.add(f"import_collisions = {how!r} {why}")
+    # a rotor stated on the root has no link of its own, and the root keeps its shapes
     of_rotors = {each.link for each in bodies.rotors} - {bodies.root}
     shapes = list[Collision]()
     for each in stated:
@@ -165,6 +166,7 @@ def capsule_around(balls: Array, name: str, link: int) -> Collision:
         link: body that carries it.
     """
     centres, radii = balls[:, :3], balls[:, 3]
+    # bias: the unbiased covariance of one ball would be NaN
     turn = np.linalg.eigh(np.cov(centres.T, bias=True))[1]
     # eigenvectors may be left-handed; the longest axis is the last, as eigh sorts
     turn[:, 0] *= np.linalg.det(turn)

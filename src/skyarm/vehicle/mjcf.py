@@ -197,6 +197,7 @@ def _compile(path: Path, notes: Notes) -> MjModel:
     warnings = list[str]()
     mujoco.set_mju_user_warning(warnings.append)
     try:
+        # a path that is no UTF-8 is a ValueError here, before MuJoCo sees it
         str(path).encode()
         model = mujoco.MjModel.from_xml_path(str(path))
         model.names.decode()  # MuJoCo takes bytes that are not UTF-8
@@ -271,6 +272,7 @@ def _at_rest(model: MjModel, root: int) -> MjData:
         if kind_of(model, joint) == "free":
             # a free body stands at the origin, unturned
             data.qpos[model.jnt_qposadr[joint] :][:7] = (0, 0, 0, 1, 0, 0, 0)
+    # no mj_forward: poses alone are read, no forces
     mujoco.mj_kinematics(model, data)
     return data
 
@@ -357,6 +359,7 @@ def _is_free(model: MjModel, body: int) -> bool:
     )
     # only axes that span space let the body turn and slide every way
     axes = (model.jnt_axis[joints][kinds == each] for each in set(kinds))
+    # MuJoCo keeps axes at unit length: 1e-6 is far above their rounding
     return not (driven & {*joints} or tied or sprung) and all(
         np.linalg.matrix_rank(each, 1e-6) == 3 for each in axes
     )
@@ -533,12 +536,14 @@ def read_image(path: Path, scale: Sequence[Scalar], base: float) -> dict[str, An
     import mujoco
 
     spec = mujoco.MjSpec()
+    # any size: heights of an image are from 0 to 1, and nothing else is read of it
     spec.add_hfield(name="image", file=str(path), size=[1.0] * 4)
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="image")
     try:
         heights = _relief_of(spec.compile(), 0)["heights"]
     except ValueError as error:
         raise ValueError(f"MuJoCo reads no image: {one_line(str(error))}") from None
+    # pixels are corners of the relief: one gap less than pixels
     y, x = (each - 1.0 for each in heights.shape)
     size = (x * scale[0], y * scale[1], scale[2], base)
     return {"shape": "heightfield", "size": size, "heights": heights}

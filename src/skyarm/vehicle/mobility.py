@@ -31,6 +31,7 @@ ALIKE = 1e-6
 rounding is far below."""
 
 GOLDEN = 0.6180339887498949
+"""Golden ratio less 1, whose multiples modulo 1 spread most evenly."""
 
 
 def what_does_not_move(value: Linkage) -> tuple[str, Any, str] | None:
@@ -154,7 +155,8 @@ def _eliminate(vehicle: Linkage, joints: Sequence[float]) -> str:
     for k in reversed(range(6, len(M))):
         joint = vehicle.links[k - 6].joint
         size = float(joint.armature)
-        # of which rounding leaves a share
+        # the inertia about the joint or more, as a trace exceeds every moment; rounding
+        # is a share of it
         for inertia, columns in zip(inertias, J, strict=True):
             turn, slide = columns[:3, k], columns[3:, k]
             size += np.trace(inertia[:3, :3]) * (turn @ turn) + inertia[3, 3] * (

@@ -218,6 +218,7 @@ def _with_rotor_links(vehicle: Vehicle) -> tuple[Body, Body]:
             [rotor.transform(_upright(each), each.position) for each in vehicle.rotors],
         )
         try:
+            # the last share stands even if it is refused
             check.inertia("base.inertia", left.inertia, planar=False)
         except VehicleError:
             continue

@@ -342,6 +342,7 @@ def _require_numbers(rotor: StatedRotor, values: Values) -> None:
         stated = Fields({name: values.get(name)}, f"rotors[{rotor.name}]")
         with errors_as(VehicleError, f"{source}: "):
             numbers_from(Rotor, stated, partial=True)
+            # 1 N, which passes, stands for none stated
             stated.number(MAX_THRUST, 1.0, low=0.0, strict=True)
 
 

@@ -157,6 +157,7 @@ def _document(path: Path, note: Callable[[str], None]) -> tuple[ET.Element, _Sco
             f"{sdf.tag} version {version}",
             "must be <sdf> of version 1.4 to 1.12",
         )
+    # the minor number: VERSIONS begins at 1.4
     return sdf, _Scope(path, VERSIONS.index(version) + 4, note)
 
 

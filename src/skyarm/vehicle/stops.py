@@ -29,10 +29,12 @@ DEPTH = {"revolute": 0.02, "prismatic": 0.002}
 allows it."""
 
 DEEPEST = 5.0
-"""Largest penetration in multiples of ``DEPTH``, where ``STIFFEST`` allows it."""
+"""Largest penetration in multiples of ``DEPTH``, where ``STIFFEST`` allows it; chosen:
+0.1 rad or 1 cm."""
 
 DAMPING_RATIO = 0.5
-"""Damping ratio of the joint against its stop, at that penetration."""
+"""Damping ratio of the joint against its stop, at that penetration; chosen: a linear
+oscillator swings back by 16 % with it."""
 
 
 def with_stops(vehicle: Vehicle, own: Collection[str] = ()) -> Vehicle:

@@ -176,6 +176,8 @@ def start(first: Vec3, second: Vec3, dt: Scalar, *, par: Dryden) -> DrydenMemory
         _steps(par, dt)[1:], tuple(first)[1:], tuple(second)[1:], strict=True
     ):
         a, b, gain, h = _second_order(d)
+        # that of output and inner state, the same a step later: r = a^2 r + a h + b
+        # gain
         correlation = divide(a * h + b * gain, gain * gain)
         output.append(
             # rounding of a very short step may lift the correlation above 1

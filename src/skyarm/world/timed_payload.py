@@ -198,6 +198,7 @@ class TimedPayload(Component[PayloadMemory]):
             # with a place an instant that is left out means: at any time
             object.__setattr__(self, "drop", 0.0)
         moments = tuple(self.inertia)
+        # 1e-9: a flat body has equality up to rounding
         if concrete(*moments) and 2.0 * max(moments) > sum(moments) * (1.0 + 1e-9):
             raise ValueError(
                 f"inertia = {list(moments)}: no moment may be larger than the sum of"

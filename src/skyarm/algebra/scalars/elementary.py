@@ -117,6 +117,8 @@ def _quarter_turns(x: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     """
     turns = f.floor(x * TWO_OVER_PI + 0.5)
     r = x
+    # pi / 2 in parts of few bits: products with a small whole number are exact, so the
+    # remainder keeps its digits (Cody, Waite)
     for part in HALF_PI_PARTS:
         r = r - turns * part
     z = r * r
@@ -203,6 +205,7 @@ def _atan01(t: Scalar) -> Scalar:
     r = f.where(far, f.divide(t - 1.0, t + 1.0), t)
     z = r * r
     value = r + r * f.divide(z * horner(z, ATAN_P), horner(z, ATAN_Q))
+    # pi / 4 in two parts, the small one first: half of what pi / 2 has
     return f.where(far, (value + 0.5 * HALF_PI_LOW) + QUARTER_PI, value)
 
 

@@ -379,6 +379,7 @@ def _load_engine(content: bytes) -> llvm.ExecutionEngine:
     """Make an LLVM engine from compiled object code."""
     import llvmlite.binding as llvm
 
+    # an engine is made of a module: an empty one, as the code comes as an object
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
     engine.add_object_file(llvm.ObjectFileRef.from_data(content))
     engine.finalize_object()

@@ -203,6 +203,7 @@ class Writer:
         functions that nodes call.
         """
         # one area for all calls: results are read before the next call writes
+        # aligned to 64 bytes, the widest vector of host_width
         sizes = [
             max(len(node.args), len(node.value.outputs))
             for node in nodes

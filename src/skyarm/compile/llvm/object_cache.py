@@ -49,6 +49,7 @@ def state_folder() -> Path | None:
     home folder.
     """
     return _users_folder(
+        # Windows has one variable for caches and states, so the name must differ
         "skyarm-state" if sys.platform == "win32" else "skyarm",
         "XDG_STATE_HOME",
         ".local/state",
@@ -153,6 +154,7 @@ def _users_folder(name: str, variable: str, usual: str) -> Path | None:
         # a relative path is to be ignored, says the XDG Base Directory Specification
         # 0.8
         return (home if home.is_absolute() else Path.home() / usual) / name
+    # Path.home() finds no home folder
     except RuntimeError:
         return None
 
@@ -169,12 +171,14 @@ def _why_not(folder: Path) -> str:
         return f"must be writable ({getattr(error, 'strerror', None) or error})"
 
 
+# once a line, and not for each program that is stored; 8 is chosen
 @lru_cache(maxsize=8)
 def _warn(line: str) -> None:
     warnings.warn(line, RuntimeWarning, stacklevel=2)
 
 
 CODE_BYTES = 32
+"""Length (bytes) of an authentication code, a SHA-256."""
 
 MOMENT = 60.0
 """Time (s) within which a repeated use of a cached file is not recorded again, so that

@@ -73,6 +73,7 @@ def evaluate(
         node.index: doubles(value)
         for node, value in zip(lowered.inputs, inputs, strict=True)
     }
+    # inf and NaN without a word, as from compiled code
     with np.errstate(all="ignore"):
         for node in lowered.nodes:
             if node.op == "const":

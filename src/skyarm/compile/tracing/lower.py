@@ -115,6 +115,7 @@ def repeat_while(
     """
 
     def round_of(both: tuple[Scalar, Record]) -> tuple[Scalar, Record]:
+        # rounds are whole numbers held as floats, so half of one tells 1 from 0
         left, now = both
         return left - 1.0, blend(left > 0.5, function(now), now)
 

@@ -102,6 +102,7 @@ def _comparison(op: str, *, turned: bool = False) -> Callable[[Node, Scalar], An
     """
 
     def method(self: Node, other: Scalar) -> Any:
+        # its own comparison takes the value of the series
         if type(other) is Taylor:
             return NotImplemented
         pair = (other, self) if turned else (self, other)

@@ -174,6 +174,7 @@ def attitude(force: Array, yaw: Array) -> Array:
     z = force / np.where(np.isinf(length), np.nan, np.maximum(length, 1e-12))
     heading = np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)])
     y = np.cross(z, heading, axis=0)
+    # nor by zero where the force points along the heading
     y /= np.maximum(np.linalg.norm(y, axis=0), 1e-12)
     return np.stack([np.cross(y, z, axis=0), y, z], axis=1)
 
@@ -182,6 +183,7 @@ def rates_of(R: Array, time: Array) -> tuple[Array, Array]:
     """Angular velocity and acceleration (3, K) of attitudes (3, 3, K), base axes, by
     central differences.
     """
+    # edge_order 2: of second order at the first and last instant, too
     dR = np.gradient(R, time, axis=2, edge_order=2)
     # R^T dR/dt is skew but for the error of the differences
     W = np.einsum("jik,jlk->ilk", R, dR)

@@ -51,7 +51,8 @@ from skyarm.sensing.sensor import Sensor
 from skyarm.vehicle import Vehicle
 
 HOME = (47.397742, 8.545594, 488.0)
-"""Latitude and longitude (deg) and altitude (m) of the world's origin."""
+"""Latitude and longitude (deg) and altitude (m) of the world's origin: the same place
+as under PX4."""
 
 START = 1_767_225_600
 """Unix time (s) at which each flight begins, as ArduPilot's satellites report it
@@ -326,6 +327,7 @@ class ArduPilotLink(ProgramLink):
         """
         assert self._udp is not None
         if time.monotonic() - self._arrived > REPEATED:
+            # a program that is gone is noticed where the answer is sent
             with contextlib.suppress(ConnectionError):
                 self._repeated += len(drain(self._udp))
         self._send_line(line)
@@ -405,6 +407,7 @@ class ArduPilotLink(ProgramLink):
                     # connected, the socket takes datagrams of this sender only
                     self._peer = sender
                     self._udp.connect(sender)
+            # bytes 4 to 8 hold the count of frames
             if packet and (
                 self._frame < 0 or packet[4:8] != self._frame.to_bytes(4, "little")
             ):

@@ -442,6 +442,7 @@ class BetaflightLink(ProgramLink):
         message, left = b"", 1.0
         while not message and left > 0.0:
             left = until - time.monotonic()
+            # nothing yet, or a state of ours that found nobody: the time limit decides
             with contextlib.suppress(TimeoutError, BlockingIOError, ConnectionError):
                 # a timeout of 0 would not wait at all, and one below it is refused
                 self._motors.settimeout(max(left, 1e-4))

@@ -44,7 +44,7 @@ LONGEST_ANSWER = 1 << 16
 
 HALT = 0.15
 """Wall-clock time (s) without a next state after an answer, after which the process is
-suspended."""
+suspended: well within the half second after which its clock would jump."""
 
 
 class SilentStartError(LinkError):
@@ -166,6 +166,7 @@ def connect_console(child: Child, patience: float) -> socket.socket:
     """
     until = time.monotonic() + patience
     while True:
+        # refused until the program opens its port
         with suppress(OSError):
             return socket.create_connection((LOOPBACK, CONSOLE_PORT), timeout=0.5)
         if not child.running:
@@ -190,6 +191,7 @@ def await_boot(child: Child, patience: float) -> None:
     """
     with connect_console(child, patience) as console:
         until, text = time.monotonic() + patience, b""
+        # a lost connection is judged below, by whether the program runs
         with suppress(ConnectionError):
             while child.running and time.monotonic() < until:
                 with suppress(TimeoutError):
@@ -222,6 +224,7 @@ def set_up(child: Child, lines: Sequence[str], patience: float) -> None:
         _ask(console, b"#", patience)  # alone: another character would cancel it
         for line in lines:
             answer = _ask(console, line.encode("ascii") + b"\n", patience)
+            # an error begins with ###, and names what is Invalid or invalid
             if "###" in answer or "nvalid" in answer:
                 raise LinkError(
                     f"Betaflight refuses {line!r}: {shown(' '.join(answer.split()))}"

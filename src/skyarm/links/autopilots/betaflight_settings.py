@@ -206,6 +206,8 @@ def console_lines(
         # armed by the fifth channel, angle mode by the sixth
         "aux 0 0 0 1700 2100 0 0",
         "aux 1 1 1 1700 2100 0 0",
+        # what would delay the sticks, disarm a vehicle that is held on its stand, or
+        # change the computed gains in flight is switched off, here and below
         "set rates_type = ACTUAL",
         "set rc_smoothing = OFF",
         "set runaway_takeoff_prevention = OFF",
@@ -213,6 +215,7 @@ def console_lines(
         "set simplified_pids_mode = OFF",
         "set tpa_mode = D",
     ]
+    # in Betaflight's units: us, hundredths of a percent, percent, deg
     numbers: dict[str, float] = {
         "min_check": LOWEST_STICK,
         "motor_idle": round(IDLE * 1e4),
@@ -221,12 +224,13 @@ def console_lines(
         "angle_feedforward": 0,
         "throttle_boost": 0,
         "anti_gravity_gain": 0,
+        # arms at any tilt; tenths of a second without radio, as on a busy machine
         "small_angle": 180,
         "failsafe_delay": 200,
         "tpa_rate": 0,
         "airmode_start_throttle_percent": 5,
     }
-    # straight lines
+    # straight lines: one rate at the middle and at the end of a stick, in tens of deg/s
     for axis, rate in (("roll", 20), ("pitch", 20), ("yaw", round(YAW_LIMIT / 10))):
         numbers |= {f"{axis}_rc_rate": rate, f"{axis}_srate": rate, f"{axis}_expo": 0}
     numbers |= loops | dict(parameters)

@@ -62,7 +62,8 @@ SLOW = 0.15
 """Largest speed (m/s) at hand-over."""
 
 STEADY = 2.0
-"""Time (s) within the limits of distance and speed before the flight begins."""
+"""Time (s) within the limits of distance and speed before the flight begins; chosen,
+beyond a mere passage through them."""
 
 
 def planned_scenario(scenario: Scenario) -> Scenario:

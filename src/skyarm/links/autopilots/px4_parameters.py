@@ -184,6 +184,8 @@ def torque_of_signal(vehicle: Vehicle) -> tuple[float, float, float]:
     most = float(full.max())
     # torque and force of full thrusts, in parts of the largest
     shape = unit_wrenches(vehicle) * (full / most)
+    # 1e-6: of an axis that rounding alone turns about no share is made, and it is
+    # refused below; 1e-4: rotors with less of a share take no part
     mix = np.linalg.pinv(shape, rcond=1e-6)[:, :3]
     scale = [
         math.sqrt(2.0 * float(c @ c) / max(int(np.count_nonzero(np.abs(c) > 1e-4)), 1))
@@ -211,6 +213,7 @@ def sensor_parameters(scenario: Scenario) -> dict[str, float]:
         sensors[name] for name in ("gnss", "magnetometer", "barometer")
     )
     return {
+        # delays in ms
         "EKF2_GPS_DELAY": 1e3 * float(gnss.latency),
         "EKF2_MAG_DELAY": 1e3 * float(magnetometer.latency),
         "EKF2_BARO_DELAY": 1e3 * float(barometer.latency),

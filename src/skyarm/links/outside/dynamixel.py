@@ -151,7 +151,8 @@ class DynamixelJoints(JointLink):
         """Stop the thread and close the serial port; the servos keep their position."""
         if self._running:
             self._running = False
-            # joined before the port is closed, so that no packet is cut
+            # joined before the port is closed, so that no packet is cut; a second,
+            # chosen, so that a bus that hangs does not keep the program
             self._thread.join(1.0)
             self._port.closePort()
 
@@ -165,6 +166,7 @@ class DynamixelJoints(JointLink):
                 )
             self._prepare()
         except BaseException as error:
+            # Ctrl-C, too, leaves no port open
             self._shut()
             if isinstance(error, OSError):
                 raise JointPortError(

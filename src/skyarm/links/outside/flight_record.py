@@ -99,6 +99,7 @@ class FlightRecord:
         none = np.zeros((count, 0))
         n, rotors, _ = scenario.agent.vehicle.sizes
         flown = LoggedSamples(
+            # 13 of the base: position, quaternion, velocity, rate
             states=_table(self.states, 13 + 2 * n + rotors)[rows],
             commands=_table(self.commands, rotors + n)[rows],
             measurement=None,

@@ -68,7 +68,7 @@ abandoned."""
 
 MODE_KNOWN = 2.5
 """Time (s) after the take-over from which the mode in a heartbeat counts; an older one
-may still be in transit."""
+may still be in transit, and two of one a second have come by then."""
 
 LINK_LOST, TAKEN_BACK, DIVERGED, STOPPED = (
     "link_lost",
@@ -204,6 +204,8 @@ def real_time() -> Iterator[None]:
     with contextlib.suppress(OSError, AttributeError):
         # the flag stays set after an earlier flight without privileges
         if os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER:
+            # 1 is the least real-time priority, ahead of all usual processes; those
+            # that this one starts do not inherit it
             os.sched_setscheduler(
                 0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(1)
             )

@@ -84,6 +84,7 @@ def parse_link(url: str) -> tuple[str, str, int]:
     Raises:
         OffboardError: another form.
     """
+    # of a port that is no number: refused below in our words
     with suppress(ValueError):
         parts = urlsplit(url)
         whole = not (parts.path or parts.query or parts.fragment or parts.username)
@@ -190,6 +191,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
         arrived.
         """
         select.select([self._socket], [], [], max(seconds, 0.0))
+        # nobody at the other side yet: silence is noticed by its duration
         with suppress(ConnectionError):
             for data, sender in drain(self._socket):
                 connected = self.modes is not None

@@ -222,6 +222,7 @@ class OutsideLaw:
     ) -> None:
         self.controller, self.settings = controller, settings
         model = controller.par.model
+        # it takes over in a hover, whose rotor speeds no autopilot reports
         trim = hover_trim(model.vehicle, tuple(begin.joints), model.gravity)
         speeds = tuple(map(float, trim.speeds))
         integral = settings.begin(model.vehicle, speeds)

@@ -54,7 +54,9 @@ LOOPBACK_ONLY = f"""<CycloneDDS><Domain>
 <Peers><Peer address="{LOOPBACK}"/></Peers>
 <SPDPInterval>{ANNOUNCED}</SPDPInterval></Discovery>
 </Domain></CycloneDDS>"""
-"""Configuration that exchanges no messages with other machines."""
+"""Configuration that exchanges no messages with other machines. Without multicast a
+node is announced to the ports of each index up to 32: so many nodes on this machine
+find each other."""
 
 
 class Ros2Node:
@@ -94,6 +96,7 @@ class Ros2Node:
             if os.environ.get(CONFIGURATION):
                 self._participant = self._dds.domain.DomainParticipant(self._number)
                 return
+            # the library does not tell its sockets: they are those that are new then
             others = _open_sockets()
             self._domain = self._dds.domain.Domain(self._number, LOOPBACK_ONLY)
             self._participant = self._dds.domain.DomainParticipant(self._number)
@@ -257,6 +260,7 @@ class DdsTypes:
                 else getattr(self._types, kind, None) or self.of(kind)
             )
         )
+        # None: a single value, 0: a list of any length
         if length is None:
             return one
         return self._types.array[one, length] if length else self._types.sequence[one]

@@ -293,6 +293,7 @@ class Lidar(RaySensor):
         angles = (self.azimuth, self.columns), (self.elevation, self.rows)
         left, up = np.meshgrid(
             *(
+                # each ray in the middle of its cell, from the left and from above
                 high - (high - low) * (np.arange(count) + 0.5) / count
                 for (low, high), count in angles
             )

@@ -26,6 +26,7 @@ WIDTH = 16 + SIZES + 3
 """Numbers of a row (:class:`skyarm.sensing.cameras.rays.ShapeRow`)."""
 
 
+# without a bound: there are no more than sets of kinds of shapes
 @cache
 def _kernel(kinds: tuple[str, ...]) -> Kernel:
     """Machine code that meets rays with shapes of some kinds."""
@@ -53,7 +54,10 @@ def _rows(part: Part, kind: int, number: int) -> Iterator[list[float]]:
     last = len(shape.faces) - 1
     for i, (a, b, c) in enumerate(corners[np.array(shape.faces)]):
         across = np.cross(b - a, c - a)
+        # a face is met along its normal alone, the third row of the rotation
         turn = [*(0.0,) * 6, *across / np.linalg.norm(across)]
+        # the last face has the number: a ray has met the hull once all faces have cut
+        # its interval
         marks = [*(0.0,) * SIZES, kind, i == 0, number * (i == last)]
         yield [*turn, *a, *ball, *marks]
 
@@ -73,10 +77,13 @@ class RayCaster:
         self.directions = directions
         self.owners = owners
         self.parts = parts
+        # sorted: a set has no order, and the kinds are the key of the code
         kinds = tuple(sorted({each.shape.shape for each in parts}))
         self._kernel = _kernel(kinds)
         flat = directions.reshape(-1, 3)
         self._count = len(flat)
+        # lanes fly in whole blocks: those left over repeat the last ray, a direction as
+        # good as any
         padding = ((0, -len(flat) % self._kernel.lanes.width), (0, 0))
         self._rays = np.ascontiguousarray(np.pad(flat, padding, mode="edge").T)
         rows = [

@@ -137,8 +137,10 @@ def _hole(p: Vec3, d: Vec3, size: Scalars) -> Interval:
         on = logical_and(away > CLOSE, t < reach * pace)
         return t + away * pace, where(on, 1.0, 0.0)
 
+    # 0 times the pace: a number of its kind, an array of lanes too
     start: tuple[Scalar, Scalar] = (0.0 * pace, 1.0)
     t, _ = repeat(STEPS, step, start, until=1)
+    # the first place is never behind the eye, so the far side is not asked for
     return where(t < reach * pace, t, math.inf), math.inf
 
 
@@ -195,6 +197,7 @@ def _nearer(sight: Sight, ray: Vec3, row: ShapeRow, kinds: Sequence[str]) -> Sig
             return compiled_once(("ray", kind), lambda w: MEETING[kind](*w), way)
 
         met = compute_where(absolute(row.kind - i) < 0.5, meeting, way, met)
+    # faces of a hull follow each other: the first begins a new interval
     begins = row.first > 0.5
     near = maximum(met[0], where(begins, -math.inf, near))
     far = minimum(met[1], where(begins, math.inf, far))

@@ -39,7 +39,8 @@ ALONG = 1e-6
 perpendicular."""
 
 BESIDE = 1e-3
-"""Distance (m) of a hub from the axis of a hinge that spins it."""
+"""Distance (m) of a hub from the axis of a hinge up to which the hinge spins it;
+chosen, above the rounding of files, which state millimetres."""
 
 
 @positional

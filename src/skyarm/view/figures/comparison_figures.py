@@ -123,6 +123,7 @@ def laws_figure(
     right.set_xlim(0.0, 1.0)
     right.xaxis.set_major_formatter(PercentFormatter(1.0))
     left.set_yticks(range(len(names)), names, **PAGE.words)
+    # an axis grows upwards: turned over, so that the first law stands at the top
     left.set_ylim(len(names) - 0.5, -0.5)
     return figure
 
@@ -235,11 +236,14 @@ def _draw_panel(
             _draw_law(panel, places, axis["laws"][law], look, k / len(looks), low)
     panel.set_yscale("log")
     panel.set_ylim(low, TOP)
+    # more than the decades of the axis: of fewer Matplotlib leaves out every second or
+    # third power of ten
     panel.yaxis.set_major_locator(LogLocator(numticks=9))
     panel.yaxis.set_major_formatter(
         FuncFormatter(lambda value, _: f"{value:g}" if value <= HIGH else "")
     )
     panel.yaxis.set_minor_formatter(NullFormatter())
+    # values stand at equal distances, whatever they are; 0.35 of one is room, chosen
     panel.set_xlim(-0.35, len(axis["values"]) - 0.65)
     panel.xaxis.set_major_locator(FixedLocator(list(places)))
     panel.set_xticklabels([f"{value:g}" for value in axis["values"]])
@@ -260,6 +264,7 @@ def _draw_law(
     replaces the point.
     """
     error = [
+        # NaN interrupts the curve
         float("nan") if p["lost"] else min(max(1e3 * p["judged"], low), HIGH)
         for p in points
     ]

@@ -75,6 +75,7 @@ def depth_figure(flights: Named, span: Span) -> Picture:
 
 def _pictures(eyes: Eyes, name: str, log: Log, span: Span) -> list[RangeImage]:
     """Different pictures that are nearest to the instants of an interval."""
+    # logged times are whole periods but for rounding, of which a cast would lose one
     ticks = np.rint(log.time * drawn_scenario(log).rates.control).astype(int).tolist()
     due = np.array([i for i, tick in enumerate(ticks) if eyes.is_due(name, tick)], int)
     due = due[within(log, span)[due]]
@@ -101,6 +102,7 @@ def _draw(
     axes = list(part.subplots(*size, squeeze=False).flat)
     for ax in axes[len(pictures) :]:
         ax.set_axis_off()
+    # one scale of colours for all pictures, so that their depths compare
     depths = np.ma.masked_invalid([each.depth for each in pictures])
     least, most = (depths.min(), depths.max()) if depths.count() else (0.0, 1.0)
     fan = pictures[0].camera.sensor.fan
@@ -108,6 +110,7 @@ def _draw(
     for ax, seen, depth in zip(axes, pictures, depths, strict=False):
         PAPER.dress(ax).grid(visible=False)
         ax.set(facecolor=PAPER.grid, box_aspect=shape)
+        # reversed: near is bright, as in the insets of films
         image = ax.imshow(
             depth, "viridis_r", aspect="auto", vmin=least, vmax=most, extent=extent
         )

@@ -18,6 +18,8 @@ from skyarm.records.immutable import positional
 from skyarm.view.figures.style import PAGE, plain_numbers
 
 DPI = 100.0
+"""Resolution (dots per inch) of the plot, chosen: its size is stated in pixels, and
+only the points of texts and lines depend on this number."""
 TEXT = 12.5
 """Text size (pt) at 720 lines."""
 

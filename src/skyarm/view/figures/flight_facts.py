@@ -99,6 +99,7 @@ def gust_interval(log: Log) -> Span | None:
     # a force that blows throughout is a wind and no gust
     if not blowing.size or blowing.size == log.time.size:
         return None
+    # a force that is logged at an instant acts until the next one
     end = min(int(blowing[-1]) + 1, log.time.size - 1)
     return float(log.time[blowing[0]]), float(log.time[end])
 

@@ -77,6 +77,7 @@ def column(name: str, i: int, reference: str = "", factor: float = 1.0) -> Read:
 
     def read(log: Log) -> Array | None:
         table: Array = getattr(log, name)
+        # another flight of the picture may have more joints or rotors
         if i >= table.shape[1]:
             return None
         off = getattr(log, reference)[:, i] if reference else 0.0
@@ -212,6 +213,7 @@ def _contact(logs: Logs) -> Panels:
             label=f"{surface}, {point}",
             unit="N",
             of=_pair_force(array, surface, point),
+            # defaults: a closure would find the names of the last pair
             desired=lambda log, array=array, point=point: (
                 desired_push(log)
                 if array == "contact_force" and point in points_at_tip(log)
@@ -337,6 +339,7 @@ def _command(i: int, setpoint: str | None) -> Read:
 
 def _rotors(logs: Logs) -> Panels:
     """Make a panel for each rotor's speed, with its largest one as limit."""
+    # the vehicle with the most rotors has a name for every panel
     names = names_of(max(logs, key=lambda log: log.rotor_speeds.shape[1])).rotors
     turning = [vehicle.rotors for vehicle in _vehicles(logs)]
     return [
@@ -347,6 +350,7 @@ def _rotors(logs: Logs) -> Panels:
             limits=_finite(
                 rotors[i].max_speed for rotors in turning if i < len(rotors)
             ),
+            # rad/s, chosen by eye as the spans of _team
             span=5.0,
         )
         for i, name in enumerate(names)

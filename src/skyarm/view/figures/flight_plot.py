@@ -248,7 +248,8 @@ MOST = 12
 are not distinguishable."""
 
 NEAR = 0.35
-"""Fraction of a limit that a curve must reach for the limit to be drawn."""
+"""Fraction of a limit that a curve must reach for the limit to be drawn; chosen: one
+that is farther would flatten the curve."""
 
 HATCHES = ("////", None, "\\\\\\\\", "....")
 DASHES = ("-", "--", "-.", ":")
@@ -473,6 +474,8 @@ def _mark_events(ax: Axes, events: Mapping[Event, str], span: Span) -> Handles:
     """
     handles: Handles = {}
     instants: dict[str, str] = {}
+    # looks go by the number of the event, also of one out of the window: it looks alike
+    # in every panel and window of a flight
     for i, (event, label) in enumerate(events.items()):
         if event.start > span[1] or event.stop < span[0]:
             continue

@@ -370,6 +370,8 @@ def overview_figure(logs: Mapping[str, Named], steady: Window) -> Picture:
     (handles["desired"],) = path.plot(*desired.T, label="desired", **PAPER.desired.line)
     path.set_aspect("equal", adjustable="datalim")
     path.set_ylabel("y [m]", **PAPER.words)
+    # chosen: Case 3 from before its steady window, 10 to 20 s, and in Case 2 the gust,
+    # 7.5 to 10.5 s, with what comes before and after
     _curves(others[0], logs["case3"], TOOL_ERROR, (7.5, 20.5))
     _curves(others[1], logs["case2_gust"], POSITION_ERRORS[0], (5.0, 17.0))
     gust = gust_interval(next(iter(logs["case2_gust"].values())))
@@ -395,6 +397,8 @@ def _curves(ax: Axes, logs: Named, panel: Panel, span: Span) -> None:
         ax.plot(time, MILLIMETRES * mean, **_law_look(controller, i).line)
         drawn.append(MILLIMETRES * mean[(time >= span[0]) & (time < span[1])])
     ax.set_xlim(*span)
+    # axes of 20 mm at least and 2 m at most, chosen: neither rounding nor a lost flight
+    # decides the scale
     ax.set_ylim(
         *limits(
             drawn, floor=bool(np.min(np.concatenate(drawn)) >= 0.0), span=20.0, cap=2e3

@@ -76,6 +76,7 @@ def motion_frames(plan: Plan, fps: int, dpi: float) -> Iterator[Pixels]:
             each.set_segments([*view.flat(lines)])
             ax.draw_artist(each)
         axes[0].draw_artist(clock)
+        # a copy, because the next picture is drawn into the same memory
         yield np.array(canvas.buffer_rgba())[..., :3]
 
 

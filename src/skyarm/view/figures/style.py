@@ -44,6 +44,8 @@ DPI = 300.0
 text."""
 
 NOTEBOOK_DPI = 110.0
+"""Resolution (dots per inch) in a notebook, chosen: 788 pixels of a wide
+figure."""
 
 
 class Picture(Figure):
@@ -163,6 +165,8 @@ class PictureStyle:
 
     def dress(self, ax: Axes) -> Axes:
         """Apply the figure style to frame, grid and ticks of one Matplotlib axes."""
+        # widths grow with the text, so that a larger style looks alike; factors are
+        # chosen
         line = 0.06 * self.text
         ax.set_facecolor(self.face)
         ax.tick_params(
@@ -171,6 +175,7 @@ class PictureStyle:
         ax.tick_params(direction="in", width=line, length=5.0 * line, color=self.frame)
         ax.grid(visible=True, color=self.grid, linewidth=0.8 * line)
         ax.set_axisbelow(True)
+        # at most five labels, at round numbers: chosen for panels an inch high
         ax.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 2.5, 5, 10]))
         for spine in ax.spines.values():
             spine.set_linewidth(line)
@@ -239,6 +244,7 @@ class PictureStyle:
         canvas: Any = FigureCanvasAgg(figure)
         renderer = canvas.get_renderer()
         # the widest legend that fits, one column at worst
+        # six at most, chosen; 2 % of the width are left for margins
         for columns in range(min(len(handles), 6), 0, -1):
             drawn = figure.legend(
                 list(handles.values()),

@@ -69,10 +69,11 @@ DISTANCES = np.array([0.7, 1.2, 1.8, 2.5, 3.3, 4.2, 5.2, 6.5, 8.0])
 """Candidate distances of a label from its point, in font sizes."""
 
 DIRECTIONS = 16
+"""Number of candidate directions of a label from its point, chosen."""
 
 HIDDEN, COVERED = 40.0, 50.0
-"""Cost of a label on ink, against its distance; darkness that counts as another
-label."""
+"""Cost of a label on ink, against its distance; darkness that counts as another label:
+more than any ink (1), so that labels lie on lines rather than on each other. Chosen."""
 
 LEADER = 1.5
 """Distance of a label, in font sizes, from which a thin line leads to its point."""
@@ -193,6 +194,7 @@ class Sheet:
             drawn = Polygon(
                 corners, closed=True, facecolor=FILLS[shape.role], edgecolor=PAPER.frame
             )
+            # arms below a disc stay visible
             alpha = 0.4 if shape.role == "rotor" else 1.0
             drawn.set(
                 linewidth=0.06 * PAPER.small,
@@ -207,6 +209,7 @@ class Sheet:
         """World position (3,) that appears below and to the left of the drawn
         bodies.
         """
+        # a little apart from the bodies, chosen by eye
         low = np.concatenate(self._drawn).min(axis=0) - self.reach * np.array(
             [0.15, 0.2]
         )
@@ -305,6 +308,7 @@ def _mark_frames_and_axes(sheet: Sheet) -> None:
     sheet.triad("world", np.eye(3), sheet.below())
     origins = [posed.poses[i][1] for i in range(vehicle.n)]
     for joint, at, axis in zip(vehicle.joints, origins, posed.axes, strict=True):
+        # sizes of marks are shares of the reach, chosen by eye
         apart = [norm(at - other) for other in origins]
         # shorter than the way to the next joint, unless both are at one place
         size = min(
@@ -408,6 +412,8 @@ def _rotor_bow(sheet: Sheet, rotor: Rotor) -> tuple[Array, Array]:
     """
     hub, axis = float_array(rotor.position), float_array(rotor.axis)
     axis = axis / np.linalg.norm(axis)
+    # within the disc, and open by a third of a turn, so that its sense can be seen;
+    # both chosen
     start = 0.72 * rotor_radius(sheet.posed.vehicle) * perpendicular(axis)
     sheet.arrow(arc(hub, axis, start, rotor.direction * 1.35 * math.pi))
     return hub, axis
@@ -419,6 +425,7 @@ def _write_labels(figure: Picture, sheets: Sequence[Sheet]) -> None:
     """
     figure.canvas.draw()
     canvas: Any = figure.canvas
+    # black is 1; rows from the bottom, as Matplotlib counts pixels
     ink = 1.0 - np.asarray(canvas.buffer_rgba())[::-1, :, :3].mean(axis=2) / 255.0
     for sheet in sheets:
         # the letters of axes first: they have the least room
@@ -453,6 +460,7 @@ def _write_label(ax: Axes, text: str, at: Array, color: str, ink: Array) -> None
     best = math.inf
     for distance in DISTANCES:
         for centre in point + ways * (distance * font + half):
+            # a pixel of margin around the words
             low = np.floor(centre - half - 1.0).astype(int)
             high = np.ceil(centre + half + 1.0).astype(int)
             if (low < ax.bbox.min).any() or (high > ax.bbox.max).any():

@@ -113,6 +113,7 @@ def sensor_camera(
     return replace(
         _path(places, 0.0, 0.0),
         rotation=flight.poses[body][0] @ matrices(sensor.rotation, 1)[0],
+        # of the wider direction, in a panel of another shape than the picture
         slope=0.5 * max(height / fy, width / fx / aspect),
     )
 
@@ -237,6 +238,8 @@ def _distance_for_positions(
     slope = math.tan(math.radians(0.5 * FIELD_OF_VIEW))
     # the largest vehicle is drawn within it
     margin = 1.6 * max(longest_boom(flight.vehicle) for flight in flights)
+    # a ball of radius m is inside an edge of slope e where e times its depth exceeds
+    # its offset by m sqrt(1 + e^2)
     needed = [
         (np.abs(off) + margin * share * math.hypot(1.0, edge)) / edge - away
         for off, edge, share in (
@@ -280,6 +283,7 @@ def free_azimuth(flights: Flights) -> float:
         return AZIMUTH
     places = np.array([flight.desired_position.mean(axis=0) for flight in team])
     # hidden tips against width, both about 0 to 1
+    # 1e-9 m: vehicles at one place have no width, and no division by 0
     places = places / max(float(norm(np.ptp(places, axis=0))), 1e-9)
     sides = SIDES if len(team) == 1 else SIDES + ACROSS
     hidden = [

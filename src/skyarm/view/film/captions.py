@@ -105,11 +105,14 @@ class Captions:
         self._blank = np.full((layout.height, layout.width, 3), 255, np.uint8)
         name, self._clock = layout.title.split(
             layout.title.width
+            # in a narrow film half of the band is left to the title
             - round(min(CLOCK * layout.scale, 0.5 * layout.title.width))
         )
         self._write(self._blank, name, title, bold=True)
         for box, flight in zip(layout.heads, flights, strict=True):
             color = [round(255.0 * part) for part in flight.color]
+            # a stripe of the flight's colour before its name, 6 pixels at 720 lines,
+            # chosen
             bar, name = box.split(max(2, round(6.0 * layout.scale)))
             self._blank[bar.inside] = color
             self._write(
@@ -123,6 +126,7 @@ class Captions:
 
     def frame(self, drawn: Pixels, k: int) -> Pixels:
         """Compose a film frame from the rendered 3D panels, captions and plot."""
+        # what all frames have in common was drawn once
         picture = self._blank.copy()
         layout = self._layout
         time = float(self._times[k])

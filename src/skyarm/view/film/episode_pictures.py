@@ -74,6 +74,8 @@ class EpisodePictures:
 
     def __init__(self, settings: FilmSettings) -> None:
         self._settings = settings
+        # as in a film (frame_layout): 1.2 is the narrowest shape with texts of full
+        # size
         self._scale = min(settings.height / DESIGNED, settings.width / (1.2 * DESIGNED))
         self._open = ExitStack()
         # also where nobody closes it: before the interpreter ends, the context is given

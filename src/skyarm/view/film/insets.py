@@ -81,6 +81,7 @@ def put_inset(picture: Pixels, inset: Inset, scale: float) -> None:
     rows, columns, _ = pixels.shape
     zoom = SHARE * min(box.height / rows, box.width / columns)
     high, wide = (max(1, int(zoom * each)) for each in (rows, columns))
+    # the nearest pixel: a mean of near and far would be a depth that nothing has
     grown = pixels[np.arange(high) * rows // high][:, np.arange(wide) * columns // wide]
     right, low = box.left + box.width - EDGE, box.top + box.height - EDGE
     band = round(WORDS * HEAD * scale)

@@ -198,6 +198,7 @@ def _cameras(
     """
     seconds = (times - times[0]) / settings.speed
     every = [flight for inside in together for flight in inside]
+    # the narrowest panel decides, if one camera serves them all
     aspect = min(box.width / box.height for box in layout.panels)
     desired = [
         np.stack([flight.desired_position for flight in inside]) for inside in together

@@ -231,6 +231,7 @@ class _RecordedFlight:
         _add_path(
             scene, f"{root}/desired_tip_path", flight.desired_tip, PATH_COLOR, 1.0
         )
+        # places and sizes of words and arrows are shares of the reach, chosen by eye
         above = flight.desired_position.mean(axis=0) + np.array([0.0, 0.0, 1.3 * reach])
         self._words = scene.add_label(
             f"{root}/words", self._text(0), position=above, anchor="bottom-center"
@@ -258,6 +259,8 @@ class _RecordedFlight:
         if k % self._every == 0:
             self._words.text = self._text(k)
         force, air = flight.force[k], flight.air[k]
+        # a scenario states its wind as a force or as air: the arrow shows the force if
+        # there is one
         wind, least = (
             (force, LEAST_FORCE)
             if np.linalg.norm(force) > LEAST_FORCE
@@ -333,6 +336,8 @@ def _surroundings(
     cure = "what a depth camera sees is in a film, .mp4 or .webp"
     path = camera_named(name, cure=cure)(flights, seconds, ASPECT)
     along = looking_towards(float(path.azimuth[0]), float(path.elevation[0]))
+    # farther back by half the row of vehicles, which the path of the camera does not
+    # know
     eye = (
         path.look_at[0]
         - (path.distance[0] + 0.5 * norm(shifts[-1] - shifts[0])) * along
@@ -357,6 +362,7 @@ def _shifts(flights: Flights, settings: FilmSettings) -> list[Array]:
         [places @ right for f in flights for places in (f.desired_position, f.position)]
     )
     # long paths may overlap: beyond 3 m, chosen, flights do not move farther apart
+    # 2.4: a reach of each neighbour, and a fifth for room
     apart = min(float(np.ptp(along)), 3.0) + 2.4 * max(map(vehicle_reach, flights))
     middle = 0.5 * (len(teams) - 1)
     return [apart * (i - middle) * right for i, team in enumerate(teams) for _ in team]

@@ -26,12 +26,13 @@ Paint = Callable[[str], RGBA]
 """Function from a shape's role to its colour."""
 
 TRAIL = 4.0
-"""Duration (s) of the tip's trail."""
+"""Duration (s) of the tip's trail, chosen by eye."""
 
 TRAIL_PIECES = 80
-"""Number of line segments of a trail."""
+"""Number of line segments of a trail: each has an opacity and is a geom of its own."""
 
 ROTOR_OPACITY = 0.45
+"""Opacity of the discs of rotors, chosen: what is behind them stays visible."""
 GHOST: RGBA = (0.15, 0.2, 0.3, 0.16)
 DARK: Color = (0.16, 0.17, 0.2)
 TIP: Color = (0.85, 0.12, 0.16)
@@ -44,7 +45,8 @@ TOUCH: RGBA = (0.78, 0.1, 0.55, 0.95)
 """Colour of contact forces."""
 
 TOUCH_PER_NEWTON, LONGEST_TOUCH = 0.12, 0.5
-"""Length of a contact arrow: m per N, and largest (m)."""
+"""Length of a contact arrow: m per N, and largest (m); chosen: forces above 4.2 N have
+the largest."""
 
 TONES = {
     "hull": 1.0,
@@ -66,10 +68,11 @@ LEAST_STEP = 0.004
 """Least length (m) of a trail's segment, so that a tip at rest costs nothing."""
 
 ARROW_PER_NEWTON, ARROW_PER_SPEED, LONGEST_ARROW = 0.2, 0.08, 0.6
-"""Length of wind arrows: m per N, m per m/s, and largest (m)."""
+"""Length of wind arrows: m per N, m per m/s, and largest (m); chosen: 3 N or 7.5 m/s
+have the largest."""
 
 LEAST_FORCE, LEAST_SPEED = 0.02, 0.05
-"""Least force (N) and air speed (m/s) that are drawn."""
+"""Least force (N) and air speed (m/s) that are drawn: arrows of 4 mm."""
 
 
 @positional
@@ -202,7 +205,7 @@ def marks_of(
     """
     still = desired_path(flights[0], THIN * scale)
     for flight in flights[1:]:
-        # a path at the same place would only darken the line
+        # a path at the same place, but for rounding, would only darken the line
         if not np.allclose(flight.desired_tip, flights[0].desired_tip, atol=1e-6):
             still += desired_path(flight, THIN * scale)
 
@@ -298,6 +301,7 @@ def tones_of(color: Sequence[int], opacity: float = 1.0) -> Paint:
             red,
             green,
             blue,
+            # 0.35 at most, chosen: what is behind a disc stays visible
             0.5 * min(opacity, 0.7) if role == "rotor" else opacity,
         )
 

@@ -28,7 +28,8 @@ from skyarm.world.scene.shapes import (
 )
 
 FIELD_OF_VIEW = 40.0
-"""Field of view (deg), from the lower to the upper edge of a panel."""
+"""Field of view (deg), from the lower to the upper edge of a panel; chosen, a little
+less than MuJoCo's usual 45."""
 
 GEOMS = {
     **KINDS,
@@ -76,7 +77,8 @@ LAMP = np.array([-7.5, -6.0, 30.0])
 the flight is."""
 
 THIN = 2e-4
-"""Half the thickness (m) of a plane's patch."""
+"""Half the thickness (m) of a plane's patch: invisible, and not zero, at which its two
+faces would fight for the same pixels."""
 
 
 @positional
@@ -137,6 +139,7 @@ class Renderer:
         self._current = current
         self._model, self._meshes = _model(width, height, _meshes_of(panels), fine=fine)
         self._data = mujoco.MjData(self._model)
+        # once: the ground stays where it is, and the lamp is moved in the scene
         mujoco.mj_forward(self._model, self._data)
         self._context = mujoco.MjrContext(
             self._model, mujoco.mjtFontScale.mjFONTSCALE_100.value
@@ -179,6 +182,7 @@ class Renderer:
         """
         scene = mujoco.MjvScene(self._model, MOST_GEOMS)
         scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = fine
+        # nothing in WORLD reflects
         scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
         mujoco.mjv_updateScene(
             self._model,
@@ -191,6 +195,7 @@ class Renderer:
         )
         ground = scene.ngeom
         for geom in scene.geoms[:ground]:
+            # WORLD has its ground at the height 0
             geom.pos = geom.pos + np.array([0.0, 0.0, panel.ground])
             geom.category = NO_SHADOW
         for solid in panel.solids:
@@ -223,6 +228,7 @@ class Renderer:
             geom.pos, geom.mat = solid.position[k], solid.rotation[k]
             if (key := mesh_key(solid.shape)) in self._meshes:
                 self._place_mesh(geom, self._meshes[key])
+        # without the lines and arrows of the frame before
         scene.ngeom = ground + len(panel.solids)
         for mark in panel.marks(k):
             geom = self._add(scene, mark.kind, (mark.width, mark.width, 0.0), mark.rgba)
@@ -257,6 +263,7 @@ class Renderer:
     ) -> mujoco.MjvGeom:
         """Add a geom without gloss to a MuJoCo scene."""
         geom = scene.geoms[scene.ngeom]
+        # three numbers, whatever the kind has: of a patch the third is its thickness
         sizes = np.array([*size, THIN if kind == "patch" else 0.0, 0.0][:3])
         mujoco.mjv_initGeom(
             geom,
@@ -266,6 +273,7 @@ class Renderer:
             np.eye(3).ravel(),
             np.array(rgba, np.float32),
         )
+        # MuJoCo's usual numbers, both 0.5, gloss; these are chosen
         geom.specular, geom.shininess = 0.15, 0.3
         if rgba[3] < 1.0:
             geom.category = NO_SHADOW
@@ -333,6 +341,8 @@ def _model(
     spec = mujoco.MjSpec.from_string(WORLD)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
     quality = spec.visual.quality
+    # fine: MuJoCo's own quality, but for a shadow map of half its 4096; else no shadow
+    # map, no smoothing of edges, and coarser round bodies
     quality.shadowsize, quality.offsamples = (2048, 4) if fine else (0, 0)
     quality.numslices, quality.numstacks, quality.numquads = (
         (28, 16, 4) if fine else (18, 8, 2)

@@ -84,6 +84,7 @@ def add_shape(
         "color": bytes_of(color),
         "opacity": color[3] if color[3] < 1.0 else None,
         "wireframe": wires,
+        # no light casts shadows (add_light)
         "cast_shadow": False,
         "receive_shadow": False,
     }
@@ -105,6 +106,8 @@ def add_shape(
         shape = replace(shape, kind="box", size=(*shape.size, THIN))
     vertices, faces = mesh_of(in_own_axes(shape), SEGMENTS[wires])
     smooth = wires or shape.kind in ("sphere", "ellipsoid", "capsule")
+    # both sides: a file's mesh may wind its triangles either way; smooth shading hides
+    # the few segments of round shapes, and would blur the edges of others
     return scene.add_mesh_simple(
         name, vertices, faces, side="double", flat_shading=not smooth, **look, **at
     )

@@ -49,6 +49,7 @@ def add_clock(
         speed,
         lambda value: do(lambda clock: setattr(clock, "speed", float(value[:-1]))),
     )
+    # steps of 5 ms, the usual control period
     time = gui.add_slider(
         "time (s)", 0.0, longest, 0.005, 0.0, hint="scrub back, and forward again"
     )
@@ -312,6 +313,7 @@ def _chart_rows(
         if not any(each.first.agent.commands_setpoints[i] for each in flights)
     ]
     if driven:
+        # one axis, one unit: shares only if every joint has a limit
         limited = all(math.isfinite(float(joints[i].effort_limit)) for i in driven)
         efforts = {joints[i].name: _effort(i, limited) for i in driven}
         yield (

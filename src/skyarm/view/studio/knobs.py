@@ -161,6 +161,7 @@ def _paths(scenario: Scenario) -> Iterator[tuple[str, str]]:
     adjusted.
     """
     law = parts(scenario.agent.controller.par)
+    # whole numbers, switches and names are structure of the compiled law
     gains = [
         word
         for word in law

@@ -61,6 +61,7 @@ class Controls:
 
     def __init__(self, gui: GuiApi, page: Page, laws: list[str]) -> None:
         self.status = gui.add_markdown("Machine code is being made ...")
+        # the end moves on with the flights, 30 s at a time (_draw_slowly)
         self.time = add_clock(gui, page.do, 30.0)
         direction = gui.add_dropdown(
             "push towards", tuple(DIRECTIONS), initial_value="+x"
@@ -287,6 +288,7 @@ class Page(PageLoop):
     def _rebuild(self) -> None:
         """Rebuild vehicles, sliders and plots after a flight was added or removed."""
         with self._server.atomic():
+            # the picture is built once, after the last of them
             if not self._making:
                 self._picture.build(
                     self.fleet.scenario, [flight.title for flight in self.fleet.flights]
@@ -301,6 +303,7 @@ class Page(PageLoop):
         vehicles = self._vehicles
         with self._controls.plots:
             self._charts = charts(self._server.gui, vehicles)
+        # what all flights share stands there once
         for each in vehicles[:1]:
             self._add_panel(
                 self._controls.world, None, each.shared_knobs, "wind and forces"

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from skyarm.view.studio.server import ViserServer
 
 FRAME = 1.0 / 60.0
-"""Time (s) between two pictures."""
+"""Time (s) between two pictures, the usual one of screens."""
 
 IDLE = 0.1
 """Time (s) between two polls while no browser tab is open; the flight waits for one."""

@@ -67,13 +67,14 @@ THRUST, WIND, PUSHED, TOUCH = (
 )
 
 NEWTON = 0.08
-"""Length of an arrow (m) per newton, or per metre a second of air."""
+"""Length of an arrow (m) per newton, or per metre a second of air; chosen by eye for
+rotors of a few newtons."""
 
 SHAFT, TOUCH_SHAFT = 0.004, 0.005
 """Radii (m) of the arrows of forces and of contacts."""
 
 TRAIL = 4.0
-"""Duration (s) of the tip's trail."""
+"""Duration (s) of the tip's trail, as in films."""
 
 SLOW = 6
 """Frames between two drawings of slowly moving parts: ghost, trails, labels; at 60
@@ -237,9 +238,11 @@ def force_arrows(
     for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
         hub = p + R @ float_array(rotor.position)
         turn = turns.get(disc_name(rotor.name), np.eye(3)[None])[0]
+        # by the coefficient, also of a rotor with a table: it is only drawn
         thrust = float(rotor.thrust_coefficient) * speed**2
         axis = R @ turn @ float_array(rotor.axis)
         ends.append((hub, hub + NEWTON * thrust * axis))
+    # the wind's arrow ends above the vehicle, which would hide it; chosen
     above = p + np.array([0.0, 0.0, 0.22])
     ends += [(above - NEWTON * last.air, above), (p - NEWTON * last.pushed, p)]
     return np.array(ends)
@@ -272,11 +275,13 @@ class SightNodes:
         for name, (agent, sensor) in cameras_of(scenario).items():
             height, width = sensor.shape
             found = sensor.intrinsics()
+            # the rays of a lidar fill no pyramid
             if found is None:
                 continue
             body = sensor.body_of(scenario.vehicles[agent])
             node = scene.add_camera_frustum(
                 f"{roots[agent]}/{body}/{name}",
+                # vertical field of view, of the focal length fy in pixels
                 2.0 * math.atan2(0.5 * height, found[1]),
                 width / height,
                 scale=FRUSTUM,
@@ -319,6 +324,7 @@ class StudioStage:
         """Shift the scene to keep a vehicle in place for the camera, and match the
         floor to the page's colours.
         """
+        # configure_theme sets it; viser's server has no such attribute of its own
         dark = getattr(self._server, "dark", False)
         if dark != self._dark:
             self._dark = dark
@@ -395,6 +401,8 @@ class FleetPicture(StudioStage):
         ]
         self._draw_ghosts(scenario, 0.0)
         self._ground.position = (0.0, 0.0, scenes[0].ground or 0.0)
+        # VIEWS are of one vehicle: the farther others stand from the middle, the
+        # farther back is the camera
         self._look_at(scenes[0], tips, 1.0 + float(lengths(bases - self._origin).max()))
 
     def _look_at(self, scene: Scene, tips: Array, scale: float) -> None:
@@ -413,6 +421,7 @@ class FleetPicture(StudioStage):
         """Draw the flights at the current time."""
         self._frame += 1
         slow = self._frame % SLOW == 0
+        # a flight that has just come may have no nodes yet
         for i, (nodes, flight) in enumerate(zip(self._flights, flights, strict=False)):
             session = flight.session
             now = session.now

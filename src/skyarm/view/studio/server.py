@@ -233,6 +233,8 @@ def _serving(
                     del response.headers["Content-Length"]
                     response.headers["Content-Length"] = str(len(response.body))
                 response.headers["Set-Cookie"] = guard.remember()
+                # the address holds the token, which no other site may learn; and no
+                # other page may lay this one under its own buttons
                 response.headers["Referrer-Policy"] = "no-referrer"
                 response.headers["X-Frame-Options"] = "DENY"
                 response.headers["Connection"] = "close"
@@ -241,6 +243,8 @@ def _serving(
         options["max_size"] = MOST_BYTES
         return plain(handle, sock=listening, process_request=answer, **options)
 
+    # viser has no argument for a socket or a check, so what it calls is replaced while
+    # it starts
     module.serve = serve
     try:
         yield
@@ -307,6 +311,8 @@ class Sieve:
         Raises:
             ValueError, KeyError: it does not, or there is no such input.
         """
+        # private names: viser has no public way from a message's identifier to its
+        # input
         handle = self._inputs["server"].gui._gui_input_handle_from_uuid[uuid]
         current = handle._impl.value
         props = handle._impl.props

@@ -86,6 +86,7 @@ def sights(session: Session) -> list[PlottedInstant]:
                 tip=placed.tip,
                 error=norm(away),
                 tilt=(
+                    # rounding may take a cosine beyond 1
                     math.acos(min(1.0, max(-1.0, upward)))
                     # a lost vehicle's attitude may be no number: upside down
                     if math.isfinite(upward)

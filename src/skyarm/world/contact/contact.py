@@ -144,6 +144,7 @@ class Contact(ContactSteps):
         fold_zeros(self, "rotor_radius")
         object.__setattr__(
             self,
+            # rings are read only here: all else sees single points
             "points",
             tuple(each for point in self.points for each in point.each()),
         )
@@ -160,6 +161,8 @@ class Contact(ContactSteps):
                 names += [part.name for each in self.mechanisms for part in each.parts]
             for name in names:
                 if names.count(name) > 1 or (
+                    # a point may share its name with a surface: a log has both, as
+                    # surface/point
                     what not in ("surfaces", "points") and name in taken
                 ):
                     raise RecordError(
@@ -405,6 +408,8 @@ class Contact(ContactSteps):
             force = torque = ZERO3
             for each in meetings:
                 if i in (each.of, each.by):
+                    # the force is that on the body ``by``; the one whose surface it is
+                    # gets the opposite
                     push = each.touch.force if each.by == i else -each.touch.force
                     force = force + push
                     torque = torque + (each.place - origin).cross(push)

@@ -296,6 +296,7 @@ def _places(
     return placed, {
         (agent, body): body_axes(motion.of(agent), body)
         for agent, body in dict.fromkeys(bodies)
+        # axes of a base are at hand; those of a link take work that two points share
         if body == BASE or bodies.count((agent, body)) > 1
     }
 

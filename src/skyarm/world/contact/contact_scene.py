@@ -129,6 +129,7 @@ def _relief(surface: Surface, name: str) -> Shape:
     """Drawn triangles of a heightfield, without its sides."""
     heights = heights_of(surface.heights)
     down, across = (
+        # unique: a field of fewer rows than FINEST has each of them once
         np.unique(np.linspace(0, count - 1, FINEST).round().astype(int))
         for count in heights.shape
     )
@@ -281,6 +282,7 @@ def _point_shapes(points: Iterable[ContactPoint], vehicle: Vehicle) -> Iterator[
             f"point/{point.name}", "point", "sphere", body, (radius or least,), place
         )
         if math.hypot(*place) > 2.0 * least:
+            # the rod is thinner than the ball, so that this stands out (chosen)
             ends = (0.0, 0.0, 0.0), place
             yield shape_between(
                 f"stalk/{point.name}", "boom", "capsule", body, 0.4 * least, *ends
@@ -348,6 +350,7 @@ def _body_arrows(
     bodies = contact.vehicle_bodies
     for i, pair in enumerate(contact.body_pairs):
         body, name = bodies[pair.body], f"touch/{pair.name}"
+        # no other vehicle's body: the one condition below then asks for this one alone
         other = bodies[pair.index] if pair.other == "body" else body
         if not (seen.has(body.agent) and seen.has(other.agent)):
             continue
@@ -364,6 +367,7 @@ def _body_arrows(
             shapes = [surface_of(own.vehicle.shapes[k]) for k in other.shapes]
             pose = own.poses[other.body]
         normal, deepest = np.zeros_like(place), np.full(len(place), -np.inf)
+        # without force no normal is needed: an arrow of length zero
         for each in shapes if np.any(force > 0.0) else ():
             depth, way = _skin(each, pose, place, 0, seen.times)
             normal = np.where((depth > deepest)[:, None], way, normal)

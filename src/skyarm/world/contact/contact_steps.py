@@ -271,6 +271,8 @@ class ContactSteps(TouchingBodies):
                 fastest, where(misses(each.touch, seconds), 0.0, slip.dot(slip))
             )
         rush = self._fastest_near(memory, motion, seconds)
+        # a square with its sign: where no bodies are near, rush is -1 and asks for
+        # nothing
         fastest = maximum(fastest, rush * absolute(rush))
         asked = sqrt(fastest) * (self.hit_steps / HIT)
         finer = clip(
@@ -290,6 +292,7 @@ class ContactSteps(TouchingBodies):
         count = self.meeting_count
         bodies = memory.bristles[count:]
         up = (ZERO3_DATA,) * len(bodies)
+        # alone() left bristles of bodies as they were: after a time apart they stand up
         bodies = blend(memory.apart[0] > 0.5, up, bodies)
         bristles = (*memory.bristles[:count], *bodies)
         return replace(memory, bristles=bristles, apart=(0.0,))

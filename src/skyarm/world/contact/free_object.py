@@ -175,6 +175,7 @@ class FreeObject(Carrier[ObjectMotion]):
         largest = max(moments)
         said = shown([float(each) for each in moments])
         if all(each == 0.0 for each in moments):
+            # ints: left out, and those of a uniform density follow from the shape
             object.__setattr__(self, "inertia", ZERO3)
         elif min(moments) == 0.0:
             raise RecordError(
@@ -216,6 +217,7 @@ class FreeObject(Carrier[ObjectMotion]):
         body is large.
         """
         far = place.norm()
+        # the surface lies within one of it, and the body is at most two wide
         most = 3.0 * self.surfaces[0].farthest
         if concrete(far, most) and far > most:
             words = (
@@ -240,6 +242,8 @@ class FreeObject(Carrier[ObjectMotion]):
         """
         # the smallest radius of gyration bounds any direction of the lever
         lever = self.surfaces[0].farthest + self.com.smooth_norm() + reach
+        # 2: the place has 1 / m, and the attitude as much: its stiffness is that of the
+        # place by the gyration
         return (2.0 + lever * lever / self.gyration) / self.mass
 
     def mobility_of(self, place: Vec3) -> Scalar:

@@ -111,6 +111,7 @@ class Grasp:
                 f"grasp.release = {self.release:g}: must be after close,"
                 f" {self.close:g} s"
             )
+        # files of a log write names with / and , between them
         if any(letter in self.name for letter in "/,"):
             coerce.refuse("grasp.name", self.name, "must be without / and ,")
 
@@ -144,6 +145,8 @@ class Grasp:
             together: all grasps of it, this one among them.
             euler: of semi-implicit Euler steps.
         """
+        # a fixed grasp turns the tip, too: as much again where its radius of gyration
+        # is that of the patch
         tip = 1.0 / LIGHTEST * (2.0 if self.kind == "fixed" else 1.0)
         square, decay = self.stiffness * tip, self.damping * tip
         # one body between several springs swings by the sum of their stiffnesses

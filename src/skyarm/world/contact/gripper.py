@@ -310,6 +310,7 @@ class Gripper:
     def is_overloaded(self, grip: Grip, hold: Hold, body: CarriedFrame) -> Scalar:
         """True if the load of a grasp exceeds the gripper's limits."""
         force, torque = hold.force, hold.torque
+        # a ball slips in its socket, and does not give way by a torque
         twisted = (
             False
             if self.kind == "ball"

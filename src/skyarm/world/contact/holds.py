@@ -97,6 +97,8 @@ class Holds:
         """Force and torque of each gripper on each movable body, zero for bodies not
         held, as [gripper][body].
         """
+        # of all bodies: which one is held is a number of the memory, by which no trace
+        # branches
         possible = self.possible(memory.grips, frames, self.bodies(memory.carried))
         return [
             [
@@ -292,6 +294,7 @@ class Holds:
         ):
             total = sum((hold.force for hold in row), ZERO3)
             numbers += [grip.taken, total.norm(), grip.lost, *total]
+        # of a motion to be logged that is the plant's time (Stages.motions)
         for _, _, pull, _ in self.pulls(memory, motion, motion.task_time):
             numbers += [pull.force.norm(), *pull.force]
         return numbers

@@ -33,6 +33,7 @@ def require_start_outside(
     motion = PointMotion(vehicle, state)
     weight = float(vehicle.mass) * gravity
     weights = [float(getattr(each, "mass", 0.0)) * gravity for each in contact.carriers]
+    # neither period nor draws enter the first state of a contact
     for each in contact.meetings(contact.start(1.0, ()), motion):
         touching = weight if each.by == NOBODY else weights[each.by]
         # the heavier of the two: a light body may lie on a heavy one, and the reverse;
@@ -74,6 +75,7 @@ def require_bodies_apart(contact: Contact, motion: PointMotion) -> None:
         mass = max(float(getattr(each, "mass", 0.0)) for each in both)
         touch = touch_of_bodies(record)
         normal, depth = float(touch.normal), float(touch.depth)
+        # 1e-9 N: without weight any force is too large
         if normal > MOST * max(mass * float(motion.gravity), 1e-9):
             raise ValueError(
                 f"world: {pair.name} start {depth:.3g} m inside each other, which would"

@@ -221,6 +221,7 @@ class Mechanism(Carrier[MechanismMotion]):
         coordinate out of range.
         """
         turns = KINDS[self.kind].turns
+        # an int is the 0 of a field that was left out
         if not turns and type(self.inertia) is not int:
             raise RecordError(
                 f"mechanism.inertia: must be left out of a {self.kind}, which slides;"

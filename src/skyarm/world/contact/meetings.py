@@ -446,6 +446,7 @@ class TouchingBodies(Force[ContactMemory]):
                 beside = self.vehicle_bodies[pair.index].mass
                 light = minimum(mass, beside) < LIGHTEST
                 mass = where(light, reduced_mass(mass, beside), LIGHTEST)
+            # 1e12 N s/m is no bound: the steps of other bodies bear their damping
             most = where(mass < LIGHTEST, divide(mass * DAMPED, step), 1e12)
             mean: Scalar = step
             if pair.other == "surface":
@@ -563,8 +564,10 @@ class TouchingBodies(Force[ContactMemory]):
         ``seconds``.
         """
         own = {each.agent for each in self.vehicle_bodies}
+        # sorted: a set has no order, and programs must not differ by it
         balls = [whole_ball(motion.of(agent)) for agent in sorted(own)]
         fixed, carried = self._others(memory)
+        # bodies of one vehicle are always near each other
         near: list[Scalar] = [self.self_collision and bool(own)]
         for i, (centre, reach, speed) in enumerate(balls):
             for side in (*fixed, *carried):

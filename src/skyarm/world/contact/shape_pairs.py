@@ -163,6 +163,8 @@ def places(a: PlacedShape, b: PlacedShape) -> list[Place]:
         return touching(a, b)
     if a.shape.shape in ROUND:
         if a.shape.shape == "capsule" and b.shape.shape == "box":
+            # above a face the line has both ends of what is there, else the nearest
+            # place: the capsule's ends add nothing
             return _line(a, b, a.shape.size[0], (0.0, 0.0))
         own = touching(a, b)
         if a.shape.shape == "capsule":
@@ -388,6 +390,7 @@ def _above_face(
     high: Scalar = 1.0
     flat: Scalar = True
     # of a cylinder the round face is none
+    # not strict: a cylinder has two sizes, and slabs of its own below
     slabs = [*zip(nearest, start, way, shape.size, strict=False)]
     if shape.shape == "cylinder":
         radius, length = shape.size

@@ -204,6 +204,7 @@ class Surface:
             return sqrt(outer * outer + length * length)
         if self.shape == "heightfield":
             x, y, *ends = self.size
+            # a bound without a root: half both sides is more than half the diagonal
             return 0.5 * (x + y) + maximum(*ends)
         if self.shape == "hull":
             return sqrt(reduce(maximum, [each.dot(each) for each in self.vertices]))
@@ -359,9 +360,11 @@ def heights_of(rows: Sequence[str]) -> Array:
         ValueError: one line: rows that are no grid of four digits a point.
     """
     try:
+        # big-endian: digits in the order in which they are read
         lines = [np.frombuffer(bytes.fromhex(row), ">u2") for row in rows]
         grid = np.array(lines) / float(HIGHEST)
     except ValueError:
+        # no grid: refused below, in one message for all
         grid = np.zeros(0)
     if grid.ndim != 2 or min(grid.shape) < 2:
         raise ValueError(

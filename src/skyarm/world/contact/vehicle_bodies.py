@@ -176,6 +176,7 @@ def bodies_of(
     found = []
     for agent, vehicle in vehicles.items():
         names = body_names(vehicle)
+        # -2: a base has no parent, and -1 is the base itself
         parents = [-2, *(link.parent for link in vehicle.moving)]
         links = {each.name: each.link for each in vehicle.frames}
         shapes = vehicle.shapes
@@ -197,6 +198,8 @@ def bodies_of(
                         if each.agent in ("", agent)
                         and links.get(each.frame or vehicle.end_effector) == body
                     ),
+                    # of a link as of a contact point on it: the lightest for which
+                    # steps are chosen
                     mass=mass_of(vehicle) if body == BASE else LIGHTEST,
                 )
             )

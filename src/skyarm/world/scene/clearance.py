@@ -210,6 +210,7 @@ def clearances(
     pairs = [
         Pair(name, surface.name, surface)
         for surface in obstacles
+        # a heightfield touches on MuJoCo's plant alone, and has no distance here
         if surface.shape != "heightfield"
         for name in free
     ]

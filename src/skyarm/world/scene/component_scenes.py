@@ -107,6 +107,7 @@ def _own_columns(
         own = Counter(column[0] for column in part.columns)
         if has_shapes(part):
             columns = {
+                # zeros of an unknown force draw no arrow
                 name: logged(name)[:, begins[name] :][:, :count] * (name not in unknown)
                 for name, count in own.items()
             }

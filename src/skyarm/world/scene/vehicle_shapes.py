@@ -255,6 +255,7 @@ class Placed:
 
 
 # 16 is chosen: a miss costs 10 to 30 ms of a six-joint arm (measured)
+# 16 is chosen: vehicles of a flight stay; another one costs a trace (3 ms)
 @lru_cache(maxsize=16)
 def _program(vehicle: Vehicle) -> Program:
     """Compiled program that computes the world poses of all bodies and the tip
@@ -322,7 +323,7 @@ def body_poses(
     Returns:
         body (BASE or index of a link) -> (R_WB (N, 3, 3), p_WB (N, 3)).
     """
-    # ten times as fast
+    # of one instant ten times as fast as by arrays
     if len(position) == 1:
         return place(vehicle, position[0], quaternion[0], joints[0]).poses
     columns = [*position.T, *quaternion.T, *joints.T]

@@ -110,9 +110,10 @@ class Decentralised(Sharing):
             )
             moved = as_data(
                 MemberState(
-                    # a negative part would ask the member to press the body down
+                    # by the new rate (semi-implicit Euler), as it is the tip's next one
                     offset=state.offset + rate * dt,
                     rate=rate,
+                    # a negative part would ask the member to press the body down
                     mass=maximum(mass, 0.0),
                 )
             )

@@ -400,6 +400,7 @@ class ObjectWrench(Sharing):
         sent, since = self._send(own, inputs, dt)
         late = (sent, *own.late)
         received = list(zip(late[-1], holding, strict=True))
+        # 0 while a message is too old: internal forces are left as they are
         fresh = reduce(
             mul, (where(m.age * h > self.timeout, 0.0, 1.0) for m, h in received)
         )
@@ -418,6 +419,7 @@ class ObjectWrench(Sharing):
         # which would feed it
         slip = Vec3(missing.x, missing.y, 0.0)
         prompt = self._promptness
+        # half for each of two members: the tips part at pull_gain together
         step = 0.5 * self.pull_gain * prompt * prompt * dt
         tilted = [
             share_of_tilt.apply(each)
@@ -426,6 +428,7 @@ class ObjectWrench(Sharing):
             )
         ]
         quick = [
+            # by its square, as ``step`` by that of ``prompt``
             each - slow * (1.0 - TILTING * TILTING)
             for each, slow in zip(excess, tilted, strict=True)
         ]

@@ -299,6 +299,7 @@ class Team(VirtualMasses, Component[TeamMemory]):
         path = member.path(self.motion, self.take)
         if coerce.absent(member.length):
             return path
+        # sampled_curve takes BEYOND samples more at both ends
         t = np.arange(-BEYOND, math.ceil(duration / STEP) + 1 + BEYOND) * STEP
         desired = self.motion.at(t)
         forces = self.load(desired, gravity, t)
@@ -468,6 +469,7 @@ class Team(VirtualMasses, Component[TeamMemory]):
     def instructions(self, memory: TeamMemory) -> dict[str, Scalars]:
         """Instructions of the law to each member, by its name."""
         return dict(
+            # a team that steers by nothing has no instructions
             zip((each.agent for each in self.members), memory.carries, strict=False)
         )
 
@@ -504,6 +506,7 @@ class Team(VirtualMasses, Component[TeamMemory]):
         ]
         by_agent = {grasp.agent: force for grasp, force in ours}
         closed = {grasp.agent: where(t < grasp.release, 1.0, 0.0) for grasp, _ in ours}
+        # files give each member a grasp; one made in Python without it pulls nothing
         pulls = [by_agent.get(each.agent, ZERO3) for each in self.members]
         loads = [borne[each.agent] for each in self.members]
         limits = [each.limits.weight for each in loads]
@@ -709,6 +712,7 @@ def load_fraction(motion: PoseTrajectory, t: Scalar, rise: Scalar) -> Scalar:
 
 
 def _smooth(u: Scalar) -> Scalar:
+    # quintic: its first and second derivatives are 0 at both ends
     return u * u * u * (10.0 + u * (6.0 * u - 15.0))
 
 
