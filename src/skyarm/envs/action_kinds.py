@@ -214,6 +214,8 @@ class RatesAndThrust(Actions):
         """
         model = now.model
         missing = Vec3(*(self.rate * a for a in action[:3])) - now.measurement.rate
+        # of the base alone: the arm's inertia and gyroscopic torques are left to the
+        # policy
         torque = model.vehicle.base.inertia.apply(missing * self.bandwidth)
         weight = model.vehicle.mass * model.gravity
         speeds, squares = mix(

@@ -217,7 +217,9 @@ class EnvLanes:
         self.ended[lanes] = self.truncated[lanes] = False
         # the first step measures what the second period begins with
         self._stepper.begin(lanes, episodes, self.seeds[lanes], first=1)
+        # unused places of the last vector copy the last lane, which may have changed
         self._stepper.fill()
+        # NaN marks a lane that has taken no picture yet
         for taken in self._pictures.taken.values():
             taken[:, lanes] = np.nan
         self._look(lanes)

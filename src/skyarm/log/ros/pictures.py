@@ -162,6 +162,8 @@ def _intrinsics(seen: Any) -> Values:
     return {
         "height": height,
         "width": width,
+        # a pinhole has no distortion; messages state a model all the same, of five
+        # zeros
         "distortion_model": "plumb_bob",
         "d": np.zeros(5),
         "k": K.ravel(),

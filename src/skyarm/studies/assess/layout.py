@@ -188,6 +188,7 @@ def _coefficients(vehicle: Vehicle) -> list[Finding]:
     ):
         # the ranges span decades: the distance from their middle is one of logarithms
         middle = 0.5 * math.log(least * most)
+        # 0 or less has no logarithm: it counts as the furthest of all
         value, rotor = max(
             zip(values, vehicle.rotors, strict=True),
             key=lambda each: abs(math.log(max(each[0], 1e-300)) - middle),
@@ -295,6 +296,7 @@ def senses_of_rotation(vehicle: Vehicle, gravity: float) -> Finding:
                 UNEVEN,
                 concerns=Concern.SENSES,
             )
+    # a reversible rotor has no sense of its own
     turning = abs(
         sum(rotor.direction for rotor in vehicle.rotors if not rotor.reversible)
     )
@@ -303,6 +305,7 @@ def senses_of_rotation(vehicle: Vehicle, gravity: float) -> Finding:
         if own < UNEVEN
         else f"spread of hover {own:.2g}"
     )
+    # of an odd number of rotors one more turns one way
     text += f"; {turning} more turn one way than the other" if turning > 1 else ""
     level = WARNING if turning > 1 else OK
     field = "rotors.direction"

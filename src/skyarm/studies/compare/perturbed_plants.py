@@ -106,6 +106,7 @@ def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> Column
             values[f"{at}.com.{axis}"] = (
                 number_at(scenario, f"{at}.com.{axis}") + spread.com * com[:, 3 * i + k]
             )
+        # one factor for all six, so that the inertia stays one that a body can have
         for moment in ("xx", "yy", "zz", "xy", "xz", "yz"):
             scale(f"{at}.inertia.{moment}", 1.0 + spread.inertia * inertia[:, i])
     low, high = spread.thrust

@@ -109,6 +109,7 @@ class TeamCondition(Condition):
         if "masses" in self.vary:
             # the lightest body fixes the integration steps; the team supposes that of
             # the file
+            # to a microgram: the product has digits that nobody stated
             least = {
                 "mass": round(
                     float(given.body.mass) * self.vary["masses"]["uniform"][0], 9
@@ -132,6 +133,7 @@ class TeamCondition(Condition):
             supposed = given.places[-1] - self.off * given.outward
             entries["team"]["members"][-1]["place"] = np.round(supposed, 9).tolist()
         if self.wind:
+            # the wind sets in over 0.5 s, chosen
             ramp = {"kind": "ramp", "start": given.onset, "duration": 0.5}
             push = {
                 "kind": "disturbance",

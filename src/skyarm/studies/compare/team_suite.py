@@ -183,6 +183,8 @@ class TeamSuite(SummarySuite[TeamFlights]):
                     seed=self.seed,
                     given=self.scenario,
                 )
+                # only a user's scenario may not fit; the shipped one is built when it
+                # flies
                 if why := "" if self.scenario == FLOWN else unfit(cell):
                     refused[f"{name} {law}"] = why
                 else:

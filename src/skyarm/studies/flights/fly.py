@@ -167,6 +167,7 @@ def one_scenario(work: Work, k: int) -> Scenario:
         delays = replace(
             agents[name].delays,
             command=round(seconds * rate) / rate,
+            # a flight by itself needs no room for later commands
             longest_command=None,
         )
         agents[name] = replace(agents[name], delays=delays)

@@ -118,6 +118,7 @@ def unseen_motion(vehicle: Vehicle) -> Trajectory:
             )
         )
 
+    # frequencies and phases are chosen so that no two joints swing alike
     joints = []
     for i, joint in enumerate(vehicle.joints):
         rest, size = rest_and_size(joint, vehicle.n)

@@ -117,6 +117,7 @@ class HoverMargins:
         required = required_margins(scenario)
         step = 1.0 / scenario.rates.physics
         # delays of a linearised loop are whole physics steps
+        # rounding of the quotient must not add a step
         self._delay = math.ceil(RESERVE * required.delay / step - 1e-9) * step
         self._gain = RESERVE * required.gain
 

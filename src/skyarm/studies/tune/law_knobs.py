@@ -227,6 +227,7 @@ def _knob(place: Place, record: Tree, unit: Unit) -> GainKnob | None:
     numbers = tuple(
         (at, value)
         for at, value in walk(record, place)
+        # whole numbers and flags are counts and choices, and no gains
         if type(value) is float and value > 0.0
     )
     return (

@@ -131,6 +131,7 @@ def grasp_numbers(scenario: Scenario, member: int, along: Array) -> Columns:
     """
     team = team_of(scenario)
     agent = team.members[member].agent
+    # of equal masses, so that outward is from the middle of all grasps
     equal = team.with_masses([1.0] * len(team.members))
     outward = equal.outward([each.place for each in team.members])[member]
     held = enumerate(cast("Contact", scenario.world).grasps)
@@ -226,6 +227,7 @@ class TeamCandidates(CandidateFlights):
     def _errors_of(self, metrics: Mapping[str, Array], lost: Mask) -> dict[str, Array]:
         position, pull = (penalize(metrics[name], lost) for name in (POSITION, PULL))
         return {
+            # geometric mean, in which ratios of metres and of newtons count alike
             "error": np.sqrt(position * pull),
             # the search has one set of names for vehicles and teams: what a team lacks
             # repeats the position, or counts nothing
