@@ -225,7 +225,9 @@ class RatesAndThrust(Actions):
         if any(rotor.table is not None for rotor in model.vehicle.rotors):
             rows = zip(model.vehicle.rotors, squares, strict=True)
             speeds = tuple(
-                speed_of_push(rotor, maximum(square, 0.0)) for rotor, square in rows
+                # what would be a pull counts as no thrust
+                speed_of_push(rotor, maximum(square, 0.0))
+                for rotor, square in rows
             )
         return now.memory, within_limits(now, speeds, self.efforts(action, now))
 

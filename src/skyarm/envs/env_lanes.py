@@ -207,6 +207,7 @@ class EnvLanes:
         starts = self._starts
         self.episodes[lanes] = episodes
         with np.errstate(over="ignore"):
+            # what 32 bits do not hold becomes infinite there, without a warning
             columns = starts.take(lanes, episodes)
         self._numbers[:, lanes] = columns[: len(self._numbers)]
         self._carry[:, lanes] = columns[starts.state]
@@ -285,6 +286,7 @@ class EnvLanes:
         path to array (lanes,).
         """
         return {
+            # a copy, since the row is written anew when a lane begins again
             path: row.copy()
             for path, row in zip(self.program.paths, self._numbers, strict=True)
         }

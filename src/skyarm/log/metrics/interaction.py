@@ -94,6 +94,8 @@ class PushTotals(Metric):
         forces = now.part("contact_force")
         if not now.push or not forces:
             return memory
+        # a push is force, approach speed, normal, and where it grips also grip, pivot,
+        # axis
         desired, normal = now.push[0], now.push[2:5]
         force = reduce(add, forces)
         asked, touches = desired > 0.0, force > 0.0

@@ -197,6 +197,7 @@ def _pixels(numbers: AnyArray) -> Values:
         "width": width,
         "step": step,
         "row_step": step,
+        # bytes can be viewed only of numbers that lie together
         "data": np.ascontiguousarray(numbers).view(np.uint8).ravel(),
     }
 

@@ -336,6 +336,7 @@ def _spread(vehicle: Vehicle, gravity: float) -> float:
     try:
         allocation = Allocation.of(vehicle)
     except AllocationError:
+        # rotors that cannot hold a hover are as uneven as can be
         return math.inf
     efforts = hover_efforts(vehicle, gravity, np.zeros((1, vehicle.n)))
     # the torque that an offset mass asks for would make rotors uneven whose senses are

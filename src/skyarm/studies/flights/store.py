@@ -441,6 +441,8 @@ class Store:
         """
         for other in self._files.get(label, ()):
             if other != path and (self.study or other.name in self.damaged):
+                # one that stays does no harm: damaged ones do not count, and of sound
+                # ones one does
                 with suppress(OSError):
                     other.unlink()
         self._files[label] = [path]

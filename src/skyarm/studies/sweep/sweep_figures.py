@@ -97,6 +97,7 @@ def metric_figure(found: Sequence[BandedCurves]) -> Picture:
     for ax in panels:
         PAPER.dress(ax).xaxis.set_major_locator(MaxNLocator(nbins=7))
     handles: Handles = {}
+    # the panel of the lost, if any, is behind those of the metrics
     for ax, each in zip(panels, found, strict=False):
         for i, curve in enumerate(each.curves):
             handles[curve.controller] = _draw_band(

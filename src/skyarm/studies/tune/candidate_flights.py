@@ -277,6 +277,7 @@ class CandidateFlights:
             jitter=np.nan_to_num(jitter, nan=LOST, posinf=LOST),
             lost=lost,
             saturated=(
+                # a flight that ended before the window counts as limited all along
                 np.nan_to_num(np.max(limited, axis=0), nan=1.0)
                 if limited
                 else np.full(lost.shape, np.nan)

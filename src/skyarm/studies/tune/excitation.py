@@ -242,6 +242,7 @@ def rest_and_size(joint: Joint, joints: int) -> tuple[float, float]:
     middle.
     """
     low, high = joint.ends
+    # 0.25 rad or m, chosen, where the limits are wide or missing
     size = min(0.25, 0.1 * (high - low))
     return min(max(0.0, low + 4.0 * size), high - 4.0 * size), size * min(
         1.0, TOGETHER / joints

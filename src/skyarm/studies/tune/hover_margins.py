@@ -112,6 +112,7 @@ class HoverMargins:
                 calm(scenario),
                 [f"controller.{'.'.join(place)}" for place, _ in numbers],
             )
+        # gains of a loop that cannot be linearised are judged by their flights alone
         except ValueError as error:
             self._why_none = str(error)
         required = required_margins(scenario)

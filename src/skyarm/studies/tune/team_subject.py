@@ -175,6 +175,7 @@ def draw_team_plants(
     # resize repeats the kinds in turn
     kinds = np.resize([AS_IT_IS, MASSES, *offs] if mixed else offs, count)
     values: Columns = {}
+    # the last column is of the grasps, below
     for paths, numbers in zip(own, drawn.T, strict=False):
         factor = 1.0 + spread.mass * numbers * ((kinds == MASSES) | (not mixed))
         values |= {path: number_at(scenario, path) * factor for path in paths}
