@@ -36,6 +36,7 @@ def disc_loading(vehicle: Vehicle, gravity: float) -> list[Finding]:
     )
     least, most = DISC_LOADING
     level = OK if least <= loading <= most else FAULT
+    # of a vehicle that is too heavy the heaviest body is suspect, else the base
     bodies = {"base.mass": vehicle.base} | {
         f"links[{k.name}].mass": k.body for k in vehicle.links
     }

@@ -328,6 +328,7 @@ def load_of(
     used = [
         (each.value / each.limit, each.question.removesuffix(poses.held))
         for each in joints
+        # a joint without a limit has NaN there, which is above nothing
         if each.limit > 0.0
     ]
     text += "; {1} is {0:.0%} of its limit".format(*max(used)) if used else ""

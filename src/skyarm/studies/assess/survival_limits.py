@@ -144,6 +144,7 @@ def flight_together(scenario: Scenario) -> list[Finding]:
         missed += [
             f"{name}: {each}"
             for each in own.shortfall.unreached
+            # as in a flight of one vehicle, which is lost by its place
             if each.reference in ("position", "tip")
         ]
     if scenario.team:

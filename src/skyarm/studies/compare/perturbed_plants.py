@@ -207,6 +207,7 @@ def spread_of(vehicle: Vehicle, gravity: float, delay: float) -> tuple[Spread, f
     weakest = 1.0 + usual.thrust[0]
     load, wind = usual.payload * mass, usual.wind * mass
     needed = (load * gravity + wind) / (float(vehicle.mass) * gravity)
+    # what the weakest rotors give beyond a hover, over what load and wind ask for
     eased = min(
         1.0,
         max(0.0, (RESERVE * weakest * thrust_margin(vehicle, gravity) - 1.0) / needed),

@@ -196,6 +196,8 @@ class TeamCondition(Condition):
         name = given.body.name
         agents = scenario.agents
         last = f"agents.{given.last}"
+        # a draw for each vehicle and the body, and for each axis of the wind; else one,
+        # whose name ends with the underscore
         several = {"masses": [*agents, name], "wind": ["x", "y"]}
         spread = {
             f"{each}_{part}": table
@@ -227,6 +229,8 @@ class TeamCondition(Condition):
                     given.places[-1][k] + off
                 )
                 found |= {
+                    # the ramp in the member's path, from the true place of its grasp to
+                    # the supposed
                     f"{last}.reference.tip.{axis}.place.{k}.signals.1.height": off
                     for axis in "xyz"
                 }

@@ -337,6 +337,8 @@ def tuning_flight(
         with_words(scenario.as_begun.with_kind("rigid_body"), **motions),
         noise=with_noise(scenario.agent).noise,
         delays=delays,
+        # what differs from plant to plant is drawn, payloads too; in a world most
+        # motions would end at a wall
         faults=(),
         payloads=(),
         initial=None,

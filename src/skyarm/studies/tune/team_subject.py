@@ -96,6 +96,7 @@ def team_flight(scenario: Scenario) -> Scenario:
     for member in team.members:
         own = agents[member.agent].reference
         if own.tip is not None and team.motion is not None:
+            # stated, the true place gives the path a ramp, whose height can then vary
             path = replace(member, taken=member.taken or member.place).path(
                 team.motion, team.take
             )
@@ -145,6 +146,7 @@ def grasp_numbers(scenario: Scenario, member: int, along: Array) -> Columns:
         tip = f"agents.{agent}.reference.tip"
         paths = [
             f"team.members.{member}.place.{axis}",
+            # the ramp in the member's path, from the true place to the supposed one
             *(f"{tip}.{c}.place.{k}.signals.1.height" for c in "xyz"),
         ]
         on_cable = scenario.agents[agent].reference.tip is None
