@@ -60,13 +60,9 @@ def write_mcap(log: Log, path: Path) -> Path:
             writer.add_attachment(
                 0, 0, name, "application/json", json.dumps(data).encode()
             )
+        # a log is read back from its own arrays, bit for bit, and not from messages
         writer.add_attachment(
-            # messages round and thin out: a log is read back from its own arrays
-            0,
-            0,
-            ARRAYS,
-            "application/octet-stream",
-            npz_content(log),
+            0, 0, ARRAYS, "application/octet-stream", npz_content(log)
         )
         # metadata of MCAP are texts
         plain = {

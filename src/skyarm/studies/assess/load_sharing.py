@@ -130,6 +130,7 @@ def _remarks(contact: Contact, index: int, motion: PointMotion) -> list[str]:
         for each in contact.meetings(contact.start(0.0, ()), motion)
         if index in (each.by, each.of)
         and each.by != NOBODY
+        # nearer than that counts as a touch
         and float(each.touch.depth) > -LEVER
     }
     return [

@@ -93,6 +93,7 @@ def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> Column
     mass = draw_signed(CHANNEL_MASS, len(bodies))
     com = draw_signed(CHANNEL_COM, 3 * len(bodies))
     inertia = draw_signed(CHANNEL_INERTIA, len(bodies))
+    # a column each for damping, payload, delay and wind
     world = draw_signed(CHANNEL_WORLD, 4)
     values: Columns = {}
 

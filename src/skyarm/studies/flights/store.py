@@ -102,7 +102,7 @@ def pack_rows(rows: Rows, metadata: Mapping[bytes, bytes]) -> bytes:
 def _texts(pa: ModuleType, column: Array) -> DictionaryArray:
     different, places = np.unique(column, return_inverse=True)
     texts = [text.encode() for text in different.tolist()]
-    # Arrow counts the bytes of texts in 32 bits
+    # from buffers, since array() would import pandas; Arrow counts bytes in 32 bits
     ends = np.cumsum([0, *map(len, texts)]).astype(np.int32)
     strings = pa.StringArray.from_buffers(
         len(texts), pa.py_buffer(ends), pa.py_buffer(b"".join(texts))

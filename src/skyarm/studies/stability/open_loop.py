@@ -82,6 +82,7 @@ def stencil_points(base: Array, attitude: Quaternion) -> tuple[Array, Array]:
             column = 4 * direction + j
             if 3 <= direction < 6:
                 v = [0.0, 0.0, 0.0]
+                # a quaternion turns by half of the angle
                 v[direction - 3] = 0.5 * steps * width
                 points[3:7, column] = list(_rotate(attitude, v))
             else:

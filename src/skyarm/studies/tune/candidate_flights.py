@@ -428,7 +428,10 @@ def activity(jitter: Array | float, effort: Array | float) -> Array:
     """
     efforts = doubles(effort)
     return np.log(jitter + SMALLEST) + np.where(
-        efforts > 0.0, np.log(efforts + SMALLEST), 0.0
+        # zero is of a vehicle without joint torques, of which no ratio counts
+        efforts > 0.0,
+        np.log(efforts + SMALLEST),
+        0.0,
     )
 
 
