@@ -200,7 +200,7 @@ def spread_of(vehicle: Vehicle, gravity: float, delay: float) -> tuple[Spread, f
     Masses, inertias, thrust and delay keep their shares; the centre of mass goes with
     the arm's length, payload and wind with the weight, joint damping with the arm's
     inertia. Payload and wind shrink together where the thrust in a hover would not
-    reach for both.
+    reach for both. ``delay`` (s) is the largest one of the commands, as it is given.
     """
     usual = Spread()
     mass = float(vehicle.mass) / MASS

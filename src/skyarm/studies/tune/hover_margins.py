@@ -166,6 +166,8 @@ class HoverMargins:
 def failed_tests(loop: OpenLoop, delay: float, gain: float) -> float:
     """Sum of penalties for the delay and gain margins that a linearised loop misses; 0
     if it misses none.
+
+    ``delay`` is in s; ``gain`` is a factor above 1, whose inverse is tested as well.
     """
     tests = [{"extra_delay": delay}]
     tests += [
