@@ -1118,7 +1118,8 @@ GOAL_WORDS = {
 """Goals in messages, where their names do not say enough."""
 
 LEAST_CAUSE = 1e-3
-"""Least cost of a goal or limit that is named beside the one that costs most; chosen."""
+"""Least cost of a goal or limit that is named beside the one that costs most;
+chosen."""
 
 SMOOTH = ("arm", "inputs")
 """Goals that make a plan smooth at its ends, and are never why there is none."""
