@@ -30,7 +30,10 @@ TOLERANCE = 1e-6
 """Largest violation of a solved plan: m, m/s, rad, and of limits as shares."""
 
 PATIENCE = 8
-"""Largest number of iterations between two updates of the multipliers."""
+"""Largest number of iterations between two updates of the multipliers.
+
+Chosen. With half of it five shipped tasks take up to twice the iterations, with twice
+of it 0.83 to 1 times as many, for costs within 3 % (measured)."""
 
 MOST_DAMPING = 1e3
 """Damping at which no step is found."""

@@ -526,7 +526,9 @@ def _thrusts(
     rows: Sequence[PreviewInstant], still: Scalar, floor: Scalar, shift: Shift
 ) -> list[Scalar]:
     """Mean thrust per mass (m/s^2) between preview instants, and at the last one;
-    ``still``: value in hover, ``floor``: least vertical part.
+    ``still``: value in hover.
+
+    ``floor`` is the least that a thrust along the vertical counts as, m/s^2.
     """
     rises = [
         0.5 * (now.rise + then.rise) + sink
