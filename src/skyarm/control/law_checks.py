@@ -69,7 +69,7 @@ AS_FLOATS = "or Controller(compiled=False), which calls it with floats"
 
 PERIODS = 20
 """Number of control periods over which a traced law is compared with its evaluation on
-floats."""
+floats; chosen."""
 
 Numbers = tuple[float, ...]
 
@@ -288,6 +288,7 @@ def mistake_in(error: Exception, images: Sequence[Image] | None = None) -> str |
     """
     text = " ".join(str(error).split())
     if isinstance(error, TracedBranchError):
+        # the text begins with file and line, which the message states itself
         return f"{TRACED}: {text.rpartition('.py:')[2].partition(': ')[2] or text}"
     if isinstance(error, FrozenInstanceError):
         return f"changes a record: {text}; must make another, by dataclasses.replace"
@@ -551,7 +552,8 @@ def perturb(record: Measurement, k: int) -> Measurement:
     if k == 0:
         return rebuild(record, start)
     # a sine and no draw, so that the verdict on a law is the same at each trial; every
-    # number moves by another amount, so that differences do not hide what is read
+    # number moves by another amount, so that differences do not hide what is read.
+    # 1e-3 is chosen, far inside of what a law takes for a jump
     moved = [
         x + 1e-3 * (1.0 + 0.01 * abs(x)) * math.sin(0.7 * i + 0.9 * k)
         for i, x in enumerate(start)

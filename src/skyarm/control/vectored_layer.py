@@ -48,15 +48,15 @@ from skyarm.vehicle import Rotor, Vehicle
 
 MOST_LEAD = 3.0
 """Largest lead factor of a tilt servo's setpoint: it amplifies noise in the angle by as
-much."""
+much. Chosen."""
 
 STILL = 0.02
 """Fraction of a rotor's largest squared speed below which its tilt angle, which hardly
-matters then, moves slowly."""
+matters then, moves slowly; chosen."""
 
 STRONG = 4.0
 """Upper bound of a rotor's largest squared speed, over that of hover: a rotor may have
-no largest speed."""
+no largest speed. Chosen, twice the speed."""
 
 TURNING = 200.0
 """Rate (1/s) of a tilt angle at the thrust below which it moves slowly, in proportion
@@ -64,7 +64,10 @@ to the thrust. At that thrust it moves at once in a period of 5 ms."""
 
 YAW_DAMPING = 1.0
 """Damping of the yaw torque correction, over the rotors' squared reach in torque about
-z at rest. Angles at which thrusts give no yaw torque then request none."""
+z at rest. Angles at which thrusts give no yaw torque then request none.
+
+With 1, at rest, half of the torque is asked of the thrusts and half is left to come
+with the angles."""
 
 
 @immutable

@@ -214,6 +214,8 @@ class RatesAndThrust(Actions):
         """
         model = now.model
         missing = Vec3(*(self.rate * a for a in action[:3])) - now.measurement.rate
+        # of the base alone: the arm's inertia and gyroscopic torques are left to the
+        # policy
         torque = model.vehicle.base.inertia.apply(missing * self.bandwidth)
         weight = model.vehicle.mass * model.gravity
         speeds, squares = mix(
@@ -223,7 +225,9 @@ class RatesAndThrust(Actions):
         if any(rotor.table is not None for rotor in model.vehicle.rotors):
             rows = zip(model.vehicle.rotors, squares, strict=True)
             speeds = tuple(
-                speed_of_push(rotor, maximum(square, 0.0)) for rotor, square in rows
+                # what would be a pull counts as no thrust
+                speed_of_push(rotor, maximum(square, 0.0))
+                for rotor, square in rows
             )
         return now.memory, within_limits(now, speeds, self.efforts(action, now))
 

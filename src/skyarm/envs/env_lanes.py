@@ -207,6 +207,7 @@ class EnvLanes:
         starts = self._starts
         self.episodes[lanes] = episodes
         with np.errstate(over="ignore"):
+            # what 32 bits do not hold becomes infinite there, without a warning
             columns = starts.take(lanes, episodes)
         self._numbers[:, lanes] = columns[: len(self._numbers)]
         self._carry[:, lanes] = columns[starts.state]
@@ -217,7 +218,9 @@ class EnvLanes:
         self.ended[lanes] = self.truncated[lanes] = False
         # the first step measures what the second period begins with
         self._stepper.begin(lanes, episodes, self.seeds[lanes], first=1)
+        # unused places of the last vector copy the last lane, which may have changed
         self._stepper.fill()
+        # NaN marks a lane that has taken no picture yet
         for taken in self._pictures.taken.values():
             taken[:, lanes] = np.nan
         self._look(lanes)
@@ -283,6 +286,7 @@ class EnvLanes:
         path to array (lanes,).
         """
         return {
+            # a copy, since the row is written anew when a lane begins again
             path: row.copy()
             for path, row in zip(self.program.paths, self._numbers, strict=True)
         }

@@ -195,6 +195,7 @@ class EnvProgram:
         reward.
         """
         stages = period.stages
+        # again here: JAX hands actions over as they are
         action = tuple(clip(a, -1.0, 1.0) for a in period.numbers[1])
         loop, own = now.loop, now.loop.agent
         row = held_row(stages.scenario, loop.ticks)

@@ -165,6 +165,7 @@ def policy_law(
             f"policy: gives {len(given)} numbers, must be {len(memory.action)} for"
             " these actions"
         )
+    # as in the environment, whose last action is the one within the bounds
     action = tuple(clip(a, -1.0, 1.0) for a in given)
     own = par
     # model and mixer stand once among the constants, so that a path changes both
@@ -236,6 +237,7 @@ def network(
         raise ControllerError("policy: deviations: must be above 0")
     return Network(
         means=tuple(middle.tolist()),
+        # a product for each number in flight in place of a division
         factors=tuple((1.0 / spread).tolist()),
         layers=tuple(
             Layer(
@@ -256,6 +258,7 @@ def _row(field: str, given: Sequence[float] | None, count: int, usual: float) ->
     try:
         row = np.full(count, usual) if given is None else doubles(given)
     except (TypeError, ValueError):
+        # of no length, so that it is refused below
         row = np.full(0, usual)
     if row.shape != (count,) or not np.isfinite(row).all():
         raise ControllerError(

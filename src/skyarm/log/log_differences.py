@@ -95,6 +95,7 @@ def _difference(
 ) -> Iterator[Difference]:
     first, second = pair
     with np.errstate(invalid="ignore"):
+        # of two infinities it is NaN, and they are the same all the same
         size = np.abs(first - second)
         same = (
             (first == second)

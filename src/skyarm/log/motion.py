@@ -33,6 +33,7 @@ class PoseSeries:
         """Interpolate the motion linearly at given times (s); NaN outside its time
         range.
         """
+        # the last row begins no step: at its time the step before it is at its end
         rows = np.clip(
             np.searchsorted(self.time, time, "right") - 1, 0, max(len(self.time) - 2, 0)
         )

@@ -33,6 +33,7 @@ def published_cells() -> tuple[PublishedNumber, ...]:
     for case, laws in PAPER.items():
         for law, cells in laws.items():
             published += [
+                # tables and the catalogue have one name for it
                 PublishedNumber(
                     f"{case} {law}", name, name, value, rounding(case, law, name)
                 )

@@ -263,6 +263,7 @@ def inferred_facts(evidence: Record) -> Facts:
             facts
             | {
                 "found_by": evidence["version"],
+                # sixteen digits tell two studies apart
                 "study": evidence["study_digest"][:16],
             }
         )

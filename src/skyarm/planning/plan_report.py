@@ -159,12 +159,12 @@ def summary_lines(name: str, found: PlanSummary) -> list[str]:
 
 SETTLE = 1.0
 """Time (s) of hover before a plan begins and after it ends, in the scenario that flies
-it."""
+it; chosen: the law finds its trim first."""
 
 
 LEANING = math.radians(75.0)
 """Largest tilt of a plan that the centroidal law follows: its heading is singular at 90
-degrees."""
+degrees, of which 15 are left to errors; chosen."""
 
 
 def flight_document(plan: Plan, file: Path, vehicle: str) -> dict[str, Entry]:
@@ -182,7 +182,7 @@ def flight_document(plan: Plan, file: Path, vehicle: str) -> dict[str, Entry]:
     law: dict[str, Entry] = {"law": "nmpc", "mode": "plan"}
     if tilt <= LEANING:
         # the law limits the tangent: half more than planned, for errors, and below 1.4
-        # rad, where the tangent grows without end
+        # rad, where the tangent grows without end; 1.2 is what the law has by default
         lean = round(max(1.2, 1.5 * math.tan(min(tilt + 0.1, 1.4))), 3)
         law = {"law": "centroidal", "mode": "joint", "bandwidth": 1.0, "tilt": lean}
     world: dict[str, Any] = dict(task.world or {})
@@ -208,6 +208,7 @@ def flight_document(plan: Plan, file: Path, vehicle: str) -> dict[str, Entry]:
         "rates": {"control": 200, "reference": 200},
         "plant": {"vehicle": vehicle, "gravity": task.gravity},
         "controller": law,
+        # the planner knows obstacles and surfaces alone: a plan may lead below z = 0
         "environment": {"ground": False},
         "reference": {"kind": "plan", "file": str(file), "start": SETTLE},
     }

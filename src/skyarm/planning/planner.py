@@ -56,7 +56,8 @@ from skyarm.world.scene.clearance import Clearances, clearances
 from skyarm.world.scene.vehicle_shapes import boom_and_disc
 
 TIME_WEIGHTS = {"effort": 1.0, "time": 30.0}
-"""Cost of a second of free time, by what is minimised."""
+"""Cost of a second of free time, by what is minimised; chosen. Least effort has a
+price of time, too, which decides where slower hardly costs less."""
 
 REACTION = 0.01
 """Time (s) that a law itself takes, two control periods: rotors lag behind what it asks
@@ -64,11 +65,13 @@ by this and their own lag."""
 
 JOINT_MARGIN = 0.02
 """Part of a joint's range at each end that a plan leaves to the law, as far as start
-and goals do."""
+and goals do; chosen."""
 
 PENALTIES = (100.0, 10.0, 1000.0)
-"""First penalties that are tried, one after the other, while no seed leads to a
-plan."""
+"""First penalties that are tried, one after the other, while no seed leads to a plan.
+
+Chosen: by another penalty the same seed takes another way, so a softer one and a
+stiffer one come after the usual."""
 
 HOLD_STEP = 0.02
 """Time (s) between nodes while the tip rests: it drifts by less than 0.3 mm in 0.2
@@ -192,7 +195,8 @@ class Plan:
         return np.array([worst[a:b].max() for a, b in itertools.pairwise(self.edges)])
 
 
-# each longer plan of a task has the stage of the one before, so it compiles once
+# each longer plan of a task has the stage of the one before, so it compiles once; the
+# rounds of a plan have five stages at most, and 8 is chosen
 @lru_cache(maxsize=8)
 def compiled_stage(**fields: Any) -> CompiledStage:
     """Compiled stage with given fields, such as model, limits and shape."""
@@ -212,6 +216,8 @@ def stage_of(task: Task, met: Collection[tuple[str, str]] = ()) -> CompiledStage
         pair
         for pair in near.pairs
         if (
+            # a boom is thin and ends in hull and disc, which come near before it
+            # does: it costs no limit at each node, but nearest_of looks at it, too
             not pair.volume.startswith("boom/")
             if pair.surface is not None
             else (pair.volume, pair.other) in met
@@ -358,7 +364,9 @@ def outline(task: Task) -> Outline:
             base = float_array(goal.base)
         elif goal.tip is not None:
             base = float_array(goal.tip) - tip_below(task, joints)
-        # from rest to rest at 6 m/s^2, first faster and then slower
+        # from rest to rest at 6 m/s^2, first faster and then slower; 0.6 s for a phase
+        # that only turns or folds. Both are chosen: the solver changes free lengths,
+        # but the number of nodes follows from these
         usual = max(0.6, 2.0 * math.sqrt(norm(base - bases[-1]) / 6.0))
         lengths.append(phase.duration or usual)
         bases.append(base)
@@ -705,6 +713,7 @@ def plan(
                     watch,
                     met,
                     _slower(found, longer),
+                    # more nodes need more time rather than another penalty: see below
                     PENALTIES[: 1 if coarse else None],
                 )
             except PlanError as error:
@@ -773,6 +782,7 @@ def _with_free_lengths(
         reason = f"not looked for, rotors lag by over {FAR:g} of limits.rotor_lag"
         return gentle, f"{reason} with the least effort"
     try:
+        # one penalty: where it finds nothing, the plan of least effort is there already
         return _best_plan(task, watch, met, penalties=PENALTIES[:1]), ""
     except PlanError:
         # a plan within the limits is worth more than the least time
@@ -820,8 +830,10 @@ def _slower(found: Plan, task: Task) -> Guess:
     counts, edges = node_counts(task, lengths), found.t[[*found.edges]]
     nodes = np.append(0, np.cumsum(counts))
     t = np.interp(np.arange(nodes[-1] + 1), nodes, edges)
+    # the last node keeps its rates: rest, or what its goal states in any duration
     slow = np.append(np.repeat(np.diff(edges) / lengths, counts), 1.0)[:, None]
     at = found.stage.at
+    # without the lengths of free phases: now all durations are stated
     x = states_at(found, t)[:, : at.arm.stop]
     # rates go with the inverse of time, accelerations with its square
     x[:, 7:13] *= slow
@@ -852,7 +864,8 @@ def _best_plan(
     clearance = np.full(sum(counts) + 1, task.limits.clearance)
     problem = problem_of(task, stage, counts, clearance)
     roll, pitch, _ = task.start.attitude
-    # a base that is tilted far turns upright about as fast either way round
+    # a base that is tilted far, by 115 degrees (chosen), turns upright about as fast
+    # either way round
     senses = (1.0, -1.0) if abs(roll) + abs(pitch) > 2.0 else (1.0,)
     if first is not None:
         guesses = [first]
@@ -880,6 +893,7 @@ def _best_plan(
         last = best
         stage = stage_of(task, met)
         problem = problem_of(task, stage, counts, clearance)
+        # the solution before is near, so that the first one that is solved is enough
         best, more = _best_of(
             stage, problem, [Guess(last.x, last.u), *guesses], watch, enough=1
         )
@@ -897,13 +911,15 @@ def _best_plan(
 
 SLACK = 0.005
 """Distance (m) by which a vehicle may come nearer to an obstacle between nodes than the
-limit says."""
+limit says; chosen, a tenth of the default clearance. More takes another round."""
 
 ENOUGH = 2
-"""Number of solved seeds after which the best is taken."""
+"""Number of solved seeds after which the best is taken; chosen: each one more costs a
+whole solution."""
 
 ROUNDS = 4
-"""Largest number of solutions, each with the bodies that met in the one before."""
+"""Largest number of solutions, each with the bodies that met in the one before;
+chosen."""
 
 
 def _best_of(
@@ -924,6 +940,7 @@ def _best_of(
         most = best.iterations if solved and best is not None else ITERATIONS
         last = None
         for last in PlanSolver(stage, penalty).steps(problem, guess, iterations=most):
+            # chosen: the clock is looked at, and a line is told, now and then
             if last.iterations % 20 == 0:
                 watch(
                     f"seed {tried + 1}: iteration {last.iterations}, violation"
@@ -1105,7 +1122,8 @@ GOAL_WORDS = {
 """Goals in messages, where their names do not say enough."""
 
 LEAST_CAUSE = 1e-3
-"""Least cost of a goal or limit that is named beside the one that costs most."""
+"""Least cost of a goal or limit that is named beside the one that costs most;
+chosen."""
 
 SMOOTH = ("arm", "inputs")
 """Goals that make a plan smooth at its ends, and are never why there is none."""

@@ -24,10 +24,11 @@ from skyarm.world.scene.clearance import Volume, surface_distance
 
 CELL = 0.15
 """Edge (m) of a cell of the grid; larger where the scene would have more than
-``MOST_CELLS``."""
+``MOST_CELLS``. Chosen: a way is only where the solver begins."""
 
 MOST_CELLS = 60_000
-"""Largest number of cells of the grid."""
+"""Largest number of cells of the grid: each costs distances to all obstacles, and may
+cost a step of the search; chosen."""
 
 MARGIN = 1.5
 """Distance (m) by which the grid is larger than start, goal and obstacles, as far as
@@ -154,8 +155,8 @@ def _search(
             # between both
             if other in done or room[place] + room[other] - length < 2.0 * ball:
                 continue
-            # ways close to obstacles are longer
-            # where the ball just fits by 0.3, chosen
+            # ways close to obstacles are longer, where the ball just fits by 0.3
+            # (chosen); 5 cm keep the cost finite beside an obstacle
             cost = costs[place] + length * (1.0 + 0.3 * ball / max(room[other], 0.05))
             if cost < costs.get(other, math.inf):
                 costs[other], before[other] = cost, place
@@ -165,6 +166,7 @@ def _search(
 
 def _is_free(obstacles: Sequence[Surface], a: Array, b: Array, ball: float) -> bool:
     """True if a ball passes on the straight line between two points."""
+    # every 3 cm: chosen, a fifth of a cell
     count = max(2, int(norm(b - a) / 0.03))
     line = a + np.linspace(0.0, 1.0, count)[:, None] * (b - a)
     gaps = free_distance(obstacles, line)

@@ -21,7 +21,7 @@ from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import parts
 
 SHARES = np.array([1.0, 0.8, 0.6, 0.4, 0.25, 0.12, 0.05, 0.01])
-"""Shares of a step that the line search tries at once."""
+"""Shares of a step that the line search tries at once, as lanes of one call; chosen."""
 
 ITERATIONS = 600
 """Largest number of iterations from one guess."""
@@ -30,7 +30,10 @@ TOLERANCE = 1e-6
 """Largest violation of a solved plan: m, m/s, rad, and of limits as shares."""
 
 PATIENCE = 8
-"""Largest number of iterations between two updates of the multipliers."""
+"""Largest number of iterations between two updates of the multipliers.
+
+Chosen. With half of it five shipped tasks take up to twice the iterations, with twice
+of it 0.83 to 1 times as many, for costs within 3 % (measured)."""
 
 MOST_DAMPING = 1e3
 """Damping at which no step is found."""
@@ -179,7 +182,8 @@ class PlanSolver:
         x, u = guess.x, guess.u
         y, z = np.zeros(problem.goals.shape), np.zeros(problem.limits.shape)
         penalty, damping, weight, before = self.penalty, 0.0, 1.0, np.inf
-        # early multipliers are rough, so that their motions need not be exact
+        # early multipliers are rough, so that their motions need not be exact: lax
+        # falls from 1e-2 to 1e-5 of the cost by 0.3 an update (chosen)
         inner, stuck, lax = 0, 0, 1e-2
         now = self._read(s.values(x, u, problem.data)[0], problem)
         J, taken = np.zeros(0), (np.zeros(0),) * 3
@@ -216,7 +220,8 @@ class PlanSolver:
             damping = next_damping(damping, share)
             cost, violation = float(now.cost), now.violation
             inner += 1
-            # done: a step promises less than a share of the cost, which falls
+            # done: a step promises less than a share of the cost, which falls; of a
+            # motion that hardly costs, less than a share of 1e-3
             done = -slope < lax * max(1e-3, cost) or damping >= MOST_DAMPING
             # solved: within all limits, and hardly anything is left to gain
             solved = violation < TOLERANCE and -slope < 1e-4 * max(1e-2, cost)
@@ -239,12 +244,14 @@ class PlanSolver:
             if done or inner >= PATIENCE:
                 y = y + penalty * now.goals
                 z = np.where(problem.limits, updated[1], 0.0)
-                # down to a quarter by the multipliers alone: the penalty need not grow
+                # down to a quarter (chosen) by the multipliers alone: the penalty need
+                # not grow
                 if violation <= 0.25 * before:
                     stuck = 0
                 elif done and -slope < SETTLED * penalty * violation**2:
                     stuck += penalty == STEEPEST
                     penalty = min(10.0 * penalty, STEEPEST)
+                # other multipliers have other costates: the gaps' weight begins anew
                 weight, inner, lax = 1.0, 0, max(0.3 * lax, 1e-5)
                 damping, before = 0.1 * damping, violation
 
@@ -377,7 +384,7 @@ def recursion(
     limits; here limits have multipliers, and of most stages only a model is known.
 
     Args:
-        Q: the models; of the last one the states count.
+        Q: the models; of the last one the states count. Damping is added in place.
         AB: (N, nt, nt + nu) derivatives of the stages.
         gap: (N, nt).
         damping: number added to all second derivatives.
@@ -401,6 +408,7 @@ def recursion(
         M = S[k].T @ (P[k + 1] @ S[k])
         M += Q[k]
         cross = M[:nu, nu:]
+        # an inverse takes 7 us here, np.linalg.solve 10 (nu = 9, measured)
         gains[k] = np.linalg.inv(-M[:nu, :nu]) @ cross
         to_go = M[nu:, nu:] + cross.T @ gains[k]
         # rounding makes it unsymmetric, and more so from stage to stage

@@ -61,7 +61,9 @@ from skyarm.world.contact.surface import Surface
 from skyarm.world.scene.clearance import Clearances
 
 ARM_UNIT = 20.0
-"""Joint acceleration (rad/s^2 or m/s^2) of 1 in a state."""
+"""Joint acceleration (rad/s^2 or m/s^2) of 1 in a state; chosen as the units below, so
+that numbers of a quick motion are of order one, as the weights and tolerances take
+them."""
 
 JERK_UNIT = 200.0
 """Joint jerk (rad/s^3 or m/s^3) of an input of 1."""
@@ -83,6 +85,8 @@ class StageWeights:
         force: squared contact force over the weight.
         across: squared force of tilted rotors across the base's z axis, over the
             weight: laws lean by the force alone.
+
+    The defaults are chosen; ``across`` is so large that a plan has hardly any.
     """
 
     thrust: float = 0.2
@@ -649,6 +653,7 @@ class CompiledStage:
             moved = retraction(x, list(scaled(dx)))
             pushed = sums(u, list(scaled(du)))
             later = retraction(following, list(scaled(dnext)))
+            # an output that is structure, as of an axis without force, is a column, too
             return carry, tuple(map(data, outputs(moved, pushed, later, given)))
 
         def slopes(
@@ -671,6 +676,7 @@ class CompiledStage:
 
         row = ((0.0,) * nx, (0.0,) * nu, (0.0,) * nx, stage.example())
         tangent = ((0.0,) * nt, (0.0,) * nu)
+        # what each row gives is logged; the loop carries nothing from row to row
         self._slopes = Kernel(trace_loop(slopes, (0.0,), tangent, row), logging=True)
         self._values = Kernel(
             trace_loop(along, (0.0,), (0.0,), (*row, *tangent, (0.0,) * nt)),

@@ -199,7 +199,11 @@ class PlanPhase:
 @immutable
 @checked("limits", TaskError)
 class TaskLimits:
-    """Limits of a plan."""
+    """Limits of a plan.
+
+    The defaults are chosen; what the shares leave of thrust and torque is for a law's
+    feedback.
+    """
 
     tilt: Annotated[
         float,

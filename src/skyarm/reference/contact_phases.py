@@ -164,7 +164,8 @@ chosen. A press of 1 N goes on 0.08 s sooner with half of it and 0.12 s later wi
 (measured)."""
 
 MOST_TURNS = 40.0
-"""Largest number of turns of a spiral or about an axis."""
+"""Largest number of turns of a spiral or about an axis; chosen: each quarter of a turn
+of a spiral is a knot of the plan."""
 
 FASTEST_TURNING = 1.0
 """Highest rate (turns a second) of a spiral, which bounds its angular speed near the
@@ -187,6 +188,7 @@ def press(task: TaskBuilder, phase: Fields) -> None:
     _tell_push(task, phase)
     force = task.force or 0.0
     usual = {
+        # hold and timeout are chosen: a press that finds nothing ends the flight
         "force": TOUCHED * force,
         "hold": 0.1,
         "timeout": 10.0,
@@ -254,6 +256,7 @@ def search(task: TaskBuilder, phase: Fields) -> None:
     u, w = _across(task.normal or (0.0, 0.0, 1.0))
     pitch = positive(phase, "pitch")
     radius = positive(phase, "radius")
+    # pace and depth are chosen
     pace = positive(phase, "pace", 0.02)
     depth = positive(phase, "depth", 0.003)
     # each quarter of a turn is a knot of the plan
@@ -279,6 +282,7 @@ def search(task: TaskBuilder, phase: Fields) -> None:
     )
     usual = {
         "distance": depth,
+        # chosen: a drop shows on the way, so the wait at the end is short
         "hold": 0.05,
         "timeout": 0.5,
         "fails": True,

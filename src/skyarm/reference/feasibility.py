@@ -21,14 +21,16 @@ from skyarm.reference.waypoints import FlightLimits, peaks
 from skyarm.vehicle import Vehicle
 
 LOOKS = 50.0
-"""Sampling rate (Hz) at which a plan is evaluated."""
+"""Sampling rate (Hz) at which a plan is evaluated, five times that of its samples
+by default; chosen."""
 
 MOST_LOOKS = 20_000
 """Largest number of instants at which a plan is evaluated: beyond 400 s they are
 farther apart."""
 
 MOST_JACOBIANS = 500
-"""Largest number of instants at which the arm's Jacobian is evaluated."""
+"""Largest number of instants at which the arm's Jacobian is evaluated: a singular value
+decomposition each; chosen."""
 
 POSTURES = 8
 """Number of random postures that determine in how many directions the arm can move the
@@ -85,6 +87,7 @@ class Feasibility:
                 f"reference.tip: asks for {self.peaks.thrust:.3g} times the weight,"
                 f" {most}; slower?"
             )
+        # chosen: the centroidal law leans by atan(1.2) = 0.88 rad at most by default
         if self.peaks.tilt > 1.0:
             yield (
                 f"reference.tip: asks for a tilt of {self.peaks.tilt:.3g} rad; slower?"

@@ -189,6 +189,7 @@ def read_plan_arrays(file: str, at: str) -> dict[str, Any]:
     """
     require_file(file, at)
     try:
+        # read whole: of a damaged archive NumPy leaves the file open
         with np.load(
             io.BytesIO(Path(file).read_bytes()), allow_pickle=False
         ) as archive:

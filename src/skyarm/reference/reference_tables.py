@@ -207,7 +207,7 @@ SHORTEST = 1e-6
 
 LOOKS = 401
 """Number of instants of a flight at which the force is evaluated, in addition to its
-switches."""
+switches; chosen."""
 
 ROUNDING = 1e-6
 """Force (N) below 0 that is rounding without a grip; a smooth ramp back to 0 does not

@@ -142,7 +142,7 @@ wait at that end with the force."""
 
 COMING_BACK = 1.0
 """Time (s) in which an offset reference returns to its plan if the next position is the
-planned one."""
+planned one; chosen."""
 
 
 def seconds(fields: Fields, name: str, *default: object) -> float:

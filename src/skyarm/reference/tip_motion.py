@@ -161,7 +161,7 @@ SPEED = 0.1
 N."""
 
 FASTEST = 10.0
-"""Highest approach speed (m/s) of the tip."""
+"""Highest approach speed (m/s) of the tip; chosen, far above what a contact bears."""
 
 STRONGEST = 1e4
 """Largest desired contact force (N), far beyond that of multirotors."""

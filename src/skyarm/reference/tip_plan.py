@@ -44,14 +44,16 @@ from skyarm.vehicle import Frame, Vehicle
 
 FIRST_STEPS, STEPS = 100, 40
 """Largest number of search steps at the first instant, and at a later one, which starts
-from the previous solution."""
+from the previous solution; chosen. What is left after them is the start of the next
+instant."""
 
 ENOUGH = 1e-8
-"""Step (rad or m) below which the search ends."""
+"""Step (rad or m) below which the search ends: far below what encoders resolve."""
 
 DAMPING, EASIER, HARDER = 1e-6, 0.2, 6.0
 """Initial damping over the arm's squared length; its factors after an accepted and
-after a rejected step."""
+after a rejected step. Chosen: one accepted step takes back most of a
+rejected one."""
 
 EXACT, SMOOTH = 5e-4, 0.03
 """Weights of a deviation (rad or m) from the posture, over the arm's length: for a tip
@@ -258,7 +260,8 @@ def rotation_vector(R: Mat3) -> Vec3:
 MOST_SAMPLES = 4000
 
 MARGIN = 1e-3
-"""Distance (rad or m) that a plan keeps from joint limits."""
+"""Distance (rad or m) that a plan keeps from joint limits; chosen, for errors of the
+joints."""
 
 
 @immutable

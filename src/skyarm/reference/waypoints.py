@@ -71,6 +71,8 @@ class FlightLimits:
 
     Attributes:
         thrust: largest over the weight.
+
+    The defaults are chosen: gentle flights of small multirotors.
     """
 
     speed: Annotated[float, positive_unit("m/s", "largest speed of a motion")] = 1.0

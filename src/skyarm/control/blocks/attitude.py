@@ -95,7 +95,7 @@ def vector_series(motion: Sequence[Vec3]) -> Vec3:
 
 FALL = 0.875
 """Width of the range in which :func:`upright` raises a vertical force, as a fraction of
-``start``."""
+``start``. Chosen: with a start at 0.8 of the weight what is below 0.1 becomes 0.45."""
 
 TINY = 1e-12
 """Squared sine between thrust and heading below which the heading does not fix the

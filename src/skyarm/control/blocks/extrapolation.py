@@ -37,7 +37,10 @@ from skyarm.reference.preview import Sample
 
 JUMP, ROUGH = 0.1, 0.02
 """Tolerances of the jump test of a rate, as fractions of the difference and of the size
-of two accelerations. A rate that misses their mean by more has jumped."""
+of two accelerations. A rate that misses their mean by more has jumped.
+
+Chosen: at a constant jerk a rate meets the mean to the last bits, so that both are for
+what bends within a period."""
 
 
 def extrapolate(

@@ -121,6 +121,7 @@ def interact(
     yields = where(
         memory.share < 1.0,
         0.0,
+        # after a touch the tip comes with ``again`` at most, however fast it came first
         maximum(into - YIELDING * minimum(wanted.speed, gains.again), 0.0),
     )
     relieved = clip(
@@ -211,7 +212,8 @@ def touches(
     towards the loss of contact.
 
     ``force`` is that along the normal while contact is asked for, after it the size of
-    the tip's force, N.
+    the tip's force, N; ``into`` the tip's speed into the surface ahead of its
+    reference, m/s.
     """
     was = memory.touching > 0.5
     weak = where(force < gains.lost, dt / gains.loss_time, 0.0)
@@ -294,6 +296,9 @@ def normal_shift(
 ) -> tuple[Scalar, Scalar, Scalar]:
     """Offset of the reference along a surface normal, with two derivatives: to
     approach, follow or leave a surface.
+
+    ``share`` is the ramp of the force, ``speed`` that of the approach, ``yields`` the
+    excess of the tip's speed into what gives way, m/s.
     """
     s, rate, w = memory.shift, memory.shift_rate, gains.follow
     # a surface that was met is near, and is not to be struck on the way back
@@ -326,6 +331,9 @@ def update_bias(
 ) -> Disturbance:
     """Low-pass estimate of the disturbance without contact; during contact only the
     base force is updated.
+
+    ``d`` is the observed disturbance, ``force`` the tip's part of it (N, world axes)
+    beyond the bias, ``free`` the time since the last contact, s.
     """
     learns = logical_and(logical_not(asked), free > gains.rest)
     share = where(learns, low_pass_share(gains.bias_rate, dt), 0.0)
@@ -413,7 +421,11 @@ SensorBandwidth = Annotated[
 
 @immutable
 class InteractionGains:
-    """Constants of the contact force controller."""
+    """Constants of the contact force controller.
+
+    The defaults are chosen. ``catching`` is the damping of the free tip by default
+    (option ``tip``): a tip that breaks through is braked by all of it.
+    """
 
     touch: Annotated[
         Scalar,

@@ -67,6 +67,8 @@ class Past:
         parts = self._since(age)
         # what acted since a period earlier is the same of the command after it
         shares = differences((1.0, *parts[:-1]), parts)
+        # speeds amid a period are not kept: those at its end stand for them, in drag
+        # and in thrust across body z
         speeds = _sums(self.speeds, shares)
         return Actuation(
             squares=_sums(self.squares, shares),

@@ -35,6 +35,9 @@ Term = TypeVar("Term", Scalar, Vec3)
 class ForceErrors:
     """Errors of base torque and joint efforts that count as much as 1 N of base force
     in the tip force estimate.
+
+    Chosen. At a lever of 0.15 m 0.0045 N m are 0.03 N, by which a joint weighs a
+    thousand times what the base's force does, on which wind acts.
     """
 
     turning: Annotated[

@@ -145,7 +145,7 @@ class StepMemory:
 
 TILT, FLOOR = 1.2, 0.15
 """Largest tangent of the tilt, and smallest vertical force over the weight, where the
-force is differentiated."""
+force is differentiated: those that the centroidal law has by default."""
 
 
 def stepped_computed_torque(
@@ -432,4 +432,4 @@ make_stepped = law_maker(
     memory=first_memory,
 )
 """Maker of the ablation ladder's controllers; ``observer``: bandwidths of force, torque
-and joint torques (rad/s)."""
+and joint torques (rad/s), as in the predictive law; chosen."""

@@ -251,7 +251,8 @@ READERS = {
 }
 
 VAGUE = 0.01
-"""Lever (m/rad) along the normal below which the damping leaves a joint unchanged."""
+"""Lever (m/rad) along the normal below which the damping leaves a joint unchanged;
+chosen: a joint would have to turn by 100 rad for 1 m."""
 
 
 def hybrid_ct(
@@ -341,11 +342,12 @@ RATE = 4.0
 quarter of a second."""
 
 BACK = 4.0
-"""Bandwidth (rad/s) of the critically damped return of the reference's shift."""
+"""Bandwidth (rad/s) of the critically damped return of the reference's shift;
+chosen, as quick as ``RATE``."""
 
 LEAST = 0.01
 """Least desired force (N) and speed (m/s) from which the virtual damping is
-computed."""
+computed, a quotient of both; chosen."""
 
 
 def admittance_pd(

@@ -125,6 +125,9 @@ _SOONER = "lower values replace the law sooner"
 class Limits:
     """Limits of references, commands and states in the safety layer.
 
+    The defaults are chosen, outside of ordinary flights of the shipped laws: the layer
+    must not act where nothing fails.
+
     Attributes:
         tilt: rad, largest tilt that position and velocity errors together may request.
         climb: m/s^2, largest vertical acceleration they may request, up or down; below

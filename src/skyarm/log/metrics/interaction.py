@@ -94,6 +94,8 @@ class PushTotals(Metric):
         forces = now.part("contact_force")
         if not now.push or not forces:
             return memory
+        # a push is force, approach speed, normal, and where it grips also grip, pivot,
+        # axis
         desired, normal = now.push[0], now.push[2:5]
         force = reduce(add, forces)
         asked, touches = desired > 0.0, force > 0.0
@@ -195,12 +197,11 @@ class GripTotals(Metric):
         )
         turned = where(begins, turned_to[0], memory.turned)
         turn = atan2(about.dot(first.cross(arm)), first.dot(arm))
-        # about the handle's own axis, and a whole turn more or less is none
         # the reference's axis may point against the hinge's
         behind = where(about.dot(axis) < 0.0, -1.0, 1.0) * turn - (
             turned_to[0] - turned
         )
-        # wrapped to half a turn
+        # wrapped to half a turn, since a whole turn more or less is none
         behind = absolute(atan2(sin(behind), cos(behind)))
         return GripMemory(
             held=memory.held + where(holds, 1.0, 0.0),

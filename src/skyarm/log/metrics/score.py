@@ -138,8 +138,8 @@ def _make_counter(
         return advance_totals(before, counted, now, inside), ()
 
     loop = trace_loop(step, totals, (), (instant, (0.0,) * len(used)))
-    # a user's own metric may have changed between two calls, so its counter is not kept
     try:
+        # effort 0: the code counts one log at a time, so that it is to be made quickly
         kernel = Kernel(loop, Lanes(1), effort=0)
     # without machine code the same loop runs in Python floats
     except NoMachineCodeError:

@@ -142,6 +142,7 @@ class Template:
         rows = np.empty((count, len(self._bytes)), dtype=np.uint8)
         rows[:] = np.frombuffer(bytes(self._bytes), dtype=np.uint8)
         for start, array in self._numbers:
+            # bytes can be viewed only of numbers that lie together
             content = np.ascontiguousarray(array).view(np.uint8)
             rows[:, start : start + content.shape[1]] = content
         return rows

@@ -162,6 +162,8 @@ def _intrinsics(seen: Any) -> Values:
     return {
         "height": height,
         "width": width,
+        # a pinhole has no distortion; messages state a model all the same, of five
+        # zeros
         "distortion_model": "plumb_bob",
         "d": np.zeros(5),
         "k": K.ravel(),
@@ -195,6 +197,7 @@ def _pixels(numbers: AnyArray) -> Values:
         "width": width,
         "step": step,
         "row_step": step,
+        # bytes can be viewed only of numbers that lie together
         "data": np.ascontiguousarray(numbers).view(np.uint8).ravel(),
     }
 

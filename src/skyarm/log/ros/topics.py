@@ -292,6 +292,7 @@ JOINT_FIELDS = {"joints": "position", "joint_rates": "velocity", "efforts": "eff
 def _odometry(read: Fields) -> Values:
     attitude = unit_rows(read["quaternion"])
     twist = {
+        # ROS has a twist in the axes of the child frame, the log in those of the world
         "linear": xyz(to_base(attitude, read["velocity"])),
         "angular": xyz(read["rate"]),
     }

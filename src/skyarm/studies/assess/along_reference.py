@@ -336,6 +336,7 @@ def _sample_times(part: FlightPart, end: float) -> list[Array]:
     every = max(INSTANTS, end / FINE if part.scenario.agent.reference.planned else 0)
     intervals = []
     for a, b in pairwise(cuts):
+        # a flight that is itself so short keeps its only interval
         if b - a < SHORTEST and end > SHORTEST:
             continue  # no rates can be had of it
         count = max(FEWEST, round(every * (b - a) / end))
@@ -384,6 +385,7 @@ def _stretch(part: FlightPart, time: Array) -> Followed:
         rotors=demand.squared / top,
         joints=np.abs(demand.efforts) / limits,
         position=stack_values(len(time), reference.position),
+        # midpoints of one interval are equally far apart
         seconds=np.full(len(time), time[1] - time[0]),
     )
 

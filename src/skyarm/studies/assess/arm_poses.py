@@ -118,6 +118,7 @@ def hanging_joints(vehicle: Vehicle) -> tuple[int, ...]:
     """Indices of undriven joints, which hang under gravity; joints that drive a coupled
     joint are not included.
     """
+    # the energy of a leader with its followers is no single sine, as _lowest takes it
     leaders = {each.leader for each in vehicle.followers}
     free = undriven_joints(vehicle)
     return tuple(
@@ -374,6 +375,7 @@ def arm_poses(
 
 def _at_rest_anywhere(vehicle: Vehicle, rest: Array) -> Mask:
     """True for each joint that no weight turns in a pose (1, n) at rest."""
+    # by 1 rad or m, chosen: what _lowest gives back unchanged there has no lowest place
     turned = [
         np.where(np.arange(vehicle.n) == i, rest + 1.0, rest) for i in range(vehicle.n)
     ]

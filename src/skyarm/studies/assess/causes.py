@@ -92,6 +92,8 @@ def causes_first(findings: Sequence[Finding]) -> tuple[Finding, ...]:
             if (
                 i == j
                 or not enough
+                # also the first word: whatever stands in the reference counts as the
+                # reference
                 or not {other.concerns, other.concerns.partition(".")[0]} & {*causes}
             ):
                 continue

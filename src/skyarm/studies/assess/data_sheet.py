@@ -64,6 +64,8 @@ def vehicle_facts(vehicle: Vehicle, gravity: float) -> Facts:
         "shapes": [
             {
                 "name": each.name,
+                # links are numbered from BASE, which is -1: the base is the first of
+                # the bodies
                 "body": _bodies(vehicle)[each.link - BASE],
                 "shape": each.shape,
                 "size_m": [float(length) for length in each.size],

@@ -225,4 +225,5 @@ def hover_time(
             # ended
             seconds = longest
             break
+    # the last of many differences may be below 0 by rounding
     return HoverTime(seconds, power, max(charge, 0.0), voltage)

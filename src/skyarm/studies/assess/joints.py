@@ -125,6 +125,7 @@ def servo_speeds(
     findings = []
     for i, servo in servos(scenario):
         joint = scenario.agent.vehicle.joints[i]
+        # no servo turns faster than it does without a load
         top = min(float(servo.speed_limit), servo.no_load_speed)
         if math.isinf(top):
             continue

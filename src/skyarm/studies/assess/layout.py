@@ -36,6 +36,7 @@ def disc_loading(vehicle: Vehicle, gravity: float) -> list[Finding]:
     )
     least, most = DISC_LOADING
     level = OK if least <= loading <= most else FAULT
+    # of a vehicle that is too heavy the heaviest body is suspect, else the base
     bodies = {"base.mass": vehicle.base} | {
         f"links[{k.name}].mass": k.body for k in vehicle.links
     }
@@ -188,6 +189,7 @@ def _coefficients(vehicle: Vehicle) -> list[Finding]:
     ):
         # the ranges span decades: the distance from their middle is one of logarithms
         middle = 0.5 * math.log(least * most)
+        # 0 or less has no logarithm: it counts as the furthest of all
         value, rotor = max(
             zip(values, vehicle.rotors, strict=True),
             key=lambda each: abs(math.log(max(each[0], 1e-300)) - middle),
@@ -295,6 +297,7 @@ def senses_of_rotation(vehicle: Vehicle, gravity: float) -> Finding:
                 UNEVEN,
                 concerns=Concern.SENSES,
             )
+    # a reversible rotor has no sense of its own
     turning = abs(
         sum(rotor.direction for rotor in vehicle.rotors if not rotor.reversible)
     )
@@ -303,6 +306,7 @@ def senses_of_rotation(vehicle: Vehicle, gravity: float) -> Finding:
         if own < UNEVEN
         else f"spread of hover {own:.2g}"
     )
+    # of an odd number of rotors one more turns one way
     text += f"; {turning} more turn one way than the other" if turning > 1 else ""
     level = WARNING if turning > 1 else OK
     field = "rotors.direction"
@@ -333,6 +337,7 @@ def _spread(vehicle: Vehicle, gravity: float) -> float:
     try:
         allocation = Allocation.of(vehicle)
     except AllocationError:
+        # rotors that cannot hold a hover are as uneven as can be
         return math.inf
     efforts = hover_efforts(vehicle, gravity, np.zeros((1, vehicle.n)))
     # the torque that an offset mass asks for would make rotors uneven whose senses are

@@ -130,6 +130,7 @@ def _remarks(contact: Contact, index: int, motion: PointMotion) -> list[str]:
         for each in contact.meetings(contact.start(0.0, ()), motion)
         if index in (each.by, each.of)
         and each.by != NOBODY
+        # nearer than that counts as a touch
         and float(each.touch.depth) > -LEVER
     }
     return [
@@ -200,6 +201,7 @@ def _balance(
     left = needed - np.einsum("ijk,ik->j", G, wrenches)
     below = float(pole[2] - middle[2])
     lever = norm(left[3:]) / weight
+    # a patch's torque goes with the sine of the turn: k r^2 is the most of it
     most = K[:, 5, 5]
     torque = lengths(wrenches[:, 3:])
     pivot = "grasp " + ", ".join(
@@ -217,6 +219,8 @@ def _balance(
         )
     elif norm(left[:3]) > LEVER * weight:
         departure = f"swings: {pivot} cannot pull straight up from where it begins"
+    # free to turn about a horizontal axis, and the centre of mass lies beside the pole
+    # (a moment is left) or above it (unstable)
     elif np.any(np.abs(free[3:5]) > LEVER) and (lever > LEVER or below < -LEVER):
         departure = (
             f"tips about {pivot} by {math.degrees(math.atan2(lever, below)):.0f}"
@@ -325,6 +329,7 @@ def load_of(
     used = [
         (each.value / each.limit, each.question.removesuffix(poses.held))
         for each in joints
+        # a joint without a limit has NaN there, which is above nothing
         if each.limit > 0.0
     ]
     text += "; {1} is {0:.0%} of its limit".format(*max(used)) if used else ""
@@ -437,6 +442,7 @@ def losses(
                 for each in loaded
                 if each.level in ALARMS
             )
+            # load_of states the share first, then the thrust margin
             if loaded:
                 texts.append(
                     f"{name} carries {loaded[0].value:.4g}"

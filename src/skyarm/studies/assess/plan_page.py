@@ -36,6 +36,7 @@ def plan_page(plan: Plan) -> str:
     film = image(
         "The vehicle moves along its plan, seen from the side and from above",
         "As fast as it flies. Line: the base. Dashes: the tip.",
+        # 80 dots per inch, chosen: fewer than the stills have, since it has many frames
         webp_bytes(motion_frames(plan, FRAMES, 80.0), FRAMES),
         wide=True,
     )

@@ -234,6 +234,8 @@ def contact_steps(scenario: Scenario, at: Reference) -> list[Finding]:
         f"the tip, {1e3 * mass:.2g} g along the normal, is too light for the steps of a"
         f" contact of {hardest:.3g} N/m"
     )
+    # phase goes with the root of the stiffness: this one gives a phase of 1, half of
+    # the limit
     remedy = f"material.stiffness of at most {hardest / phase**2:.2g} N/m"
     return [
         Finding(STEPS, FAULT, text, "world.surfaces", remedy, phase, 2.0, "", at.joints)
@@ -260,6 +262,8 @@ def fly_shares(scenario: Scenario, force: float) -> tuple[Array, Array, Array]:
             episodes=np.tile(np.arange(NOISES), len(SHARES)),
             metrics=("contact", "rotor_saturation"),
             seed=scenario.seed,
+            # the code flies one batch of one check: it is made four times as fast,
+            # chosen
             effort=0,
         )
     )
@@ -286,6 +290,8 @@ def cause_of(
     joints = tuple(map(float, at.joints))
     push = push_on_level_base(at)
     force = float(at.push[0])
+    # what a flight has shown comes before what statics suggest; the first cause that
+    # holds is named
     if RotorContact.status in statuses:
         return (
             "a rotor touches a surface",
@@ -359,5 +365,6 @@ def tip_mass(vehicle: Vehicle, joints: tuple[float, ...], normal: Array) -> floa
         normal @ float_array(each.linear)
         for each in jacobian_columns(vehicle, vehicle.frame(), joints)
     ]
+    # speed of the tip along the normal by base velocity, base rate and joint rates
     row = np.array([*normal, *np.cross(tip, normal), *arm])
     return float(1.0 / (row @ np.linalg.solve(M, row)))

@@ -71,6 +71,7 @@ def largest_push(scenario: Scenario) -> Reference | None:
         return None
     # the flight ends before its last instant, which belongs to no period
     times = np.linspace(0.0, scenario.duration, INSTANTS, endpoint=False)
+    # a constant force is one number for all instants
     forces = np.broadcast_to(
         doubles(scenario.agent.reference.at(times).push[0]), times.shape
     )
@@ -233,6 +234,7 @@ def _guards(scenario: Scenario, speed: float) -> list[Finding]:
             driven = (
                 (float(guard.force) - bears) / float(thing.mass) * float(guard.hold)
             )
+            # the tip pushes towards its middle, give or take half of its longest side
             ahead = n @ away > 0.0 and norm(np.cross(n, away)) < 0.5 * max(thing.size)
             if ahead and driven > speed:
                 text = (
@@ -310,9 +312,12 @@ def push_errors(
     shares = np.array(
         effort_shares(errors, place, Vec3(*(push / norm(push)))), dtype=float
     )
+    # efforts with the push, and of the weights alone
     loads, weights = (
         shares * pushing_efforts(scenario, joints, force)
         for force in (push, 0.0 * push)
     )
+    # independent errors add as squares; a common scale adds the efforts with their
+    # signs
     independent = math.hypot(by.torques * norm(loads), by.masses * norm(weights))
     return float(abs(by.torques * loads.sum())), independent

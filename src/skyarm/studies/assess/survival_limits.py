@@ -144,6 +144,7 @@ def flight_together(scenario: Scenario) -> list[Finding]:
         missed += [
             f"{name}: {each}"
             for each in own.shortfall.unreached
+            # as in a flight of one vehicle, which is lost by its place
             if each.reference in ("position", "tip")
         ]
     if scenario.team:
@@ -202,6 +203,7 @@ def largest(scenario: Scenario, most: Mapping[str, float]) -> dict[str, float]:
         metrics=(LAST_ERROR, LAST_TILT),
         windows=Windows(steady=Window(DURATION - LAST, DURATION), last=LAST),
         seed=scenario.seed,
+        # the code flies one batch of one check: it is made four times as fast, chosen
         effort=0,
     )
     rows = fly(work)

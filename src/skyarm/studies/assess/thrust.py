@@ -214,12 +214,14 @@ def side_forces(poses: ArmPoses) -> list[Finding]:
     A tilt a about x or y moves the base by g a - e a'', where e a'' is the side force:
     a zero at sqrt(g / e).
     """
+    # the first pose is that of zeros
     joints = poses.joints[:1]
     pushed = (
         _sides(poses)
         @ locked_inertia(poses.vehicle, joints)[0]
         / float(poses.vehicle.mass)
     )
+    # a turn about x leans the thrust towards -y, one about y towards +x
     against = max(float(pushed[1, 0]), -float(pushed[0, 1]))
     zero = math.sqrt(poses.gravity / against) if against > 0.0 else math.inf
     text = (

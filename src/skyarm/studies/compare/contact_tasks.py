@@ -177,6 +177,7 @@ def as_positions(task: ContactTask, document: dict[str, Any]) -> dict[str, Any]:
     """Scenario for a controller without force control: desired tip path offset by
     ``BEHIND`` into the surface.
     """
+    # motions that are put in take 2 s each, chosen
     path = document["reference"]["tip"]["path"]
     way = [-(task.face + BEHIND) * n for n in task.normal]
     start = list(path["position"])

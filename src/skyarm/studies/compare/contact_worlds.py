@@ -86,6 +86,7 @@ def draw_worlds(
             than the vehicle can do.
     """
     # twice what may be discarded; numbers go by index, so more change none before
+    # 16 is twice the 8 that any number of worlds may lose
     drawn = count + 16 + 2 * math.ceil(count * MOST_DISCARDED)
     share = uniforms(seed, np.arange(drawn), CHANNEL, 0, NUMBERS)
     every = {

@@ -207,6 +207,7 @@ class Envelope(Suite[AxisFlights]):
         """Difficulty axis by name, with only the values to be simulated."""
         axis = AXES[name]
         return (
+            # the easiest and the hardest value
             replace(axis, values=(axis.values[0], axis.values[-1]))
             if self.quick
             else axis

@@ -175,6 +175,7 @@ class OwnScenario(SummarySuite[GivenFlights]):
                 TableColumn(
                     head=", ".join(filter(None, metric_words(name))),
                     metric=name,
+                    # nobody knows the size of a user's metric: three digits of any
                     fine=math.inf,
                 )
                 for name in names("metric", shipped=False)

@@ -93,6 +93,7 @@ def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> Column
     mass = draw_signed(CHANNEL_MASS, len(bodies))
     com = draw_signed(CHANNEL_COM, 3 * len(bodies))
     inertia = draw_signed(CHANNEL_INERTIA, len(bodies))
+    # a column each for damping, payload, delay and wind
     world = draw_signed(CHANNEL_WORLD, 4)
     values: Columns = {}
 
@@ -106,6 +107,7 @@ def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> Column
             values[f"{at}.com.{axis}"] = (
                 number_at(scenario, f"{at}.com.{axis}") + spread.com * com[:, 3 * i + k]
             )
+        # one factor for all six, so that the inertia stays one that a body can have
         for moment in ("xx", "yy", "zz", "xy", "xz", "yz"):
             scale(f"{at}.inertia.{moment}", 1.0 + spread.inertia * inertia[:, i])
     low, high = spread.thrust
@@ -198,7 +200,7 @@ def spread_of(vehicle: Vehicle, gravity: float, delay: float) -> tuple[Spread, f
     Masses, inertias, thrust and delay keep their shares; the centre of mass goes with
     the arm's length, payload and wind with the weight, joint damping with the arm's
     inertia. Payload and wind shrink together where the thrust in a hover would not
-    reach for both.
+    reach for both. ``delay`` (s) is the largest one of the commands, as it is given.
     """
     usual = Spread()
     mass = float(vehicle.mass) / MASS
@@ -206,6 +208,7 @@ def spread_of(vehicle: Vehicle, gravity: float, delay: float) -> tuple[Spread, f
     weakest = 1.0 + usual.thrust[0]
     load, wind = usual.payload * mass, usual.wind * mass
     needed = (load * gravity + wind) / (float(vehicle.mass) * gravity)
+    # what the weakest rotors give beyond a hover, over what load and wind ask for
     eased = min(
         1.0,
         max(0.0, (RESERVE * weakest * thrust_margin(vehicle, gravity) - 1.0) / needed),

@@ -282,6 +282,7 @@ class FileSuite(Suite[FileFlights]):
                 "entries.controller is of the law 'own' alone; another law comes with"
                 " its own gains"
             )
+        # a file of gains is read, and refused, with its setting below
         if law != OWN and not is_gains_file(law):
             given = trial.setting(self, OWN).hover
             for name in given.agents:

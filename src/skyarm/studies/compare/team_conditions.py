@@ -109,6 +109,7 @@ class TeamCondition(Condition):
         if "masses" in self.vary:
             # the lightest body fixes the integration steps; the team supposes that of
             # the file
+            # to a microgram: the product has digits that nobody stated
             least = {
                 "mass": round(
                     float(given.body.mass) * self.vary["masses"]["uniform"][0], 9
@@ -132,6 +133,7 @@ class TeamCondition(Condition):
             supposed = given.places[-1] - self.off * given.outward
             entries["team"]["members"][-1]["place"] = np.round(supposed, 9).tolist()
         if self.wind:
+            # the wind sets in over 0.5 s, chosen
             ramp = {"kind": "ramp", "start": given.onset, "duration": 0.5}
             push = {
                 "kind": "disturbance",
@@ -194,6 +196,8 @@ class TeamCondition(Condition):
         name = given.body.name
         agents = scenario.agents
         last = f"agents.{given.last}"
+        # a draw for each vehicle and the body, and for each axis of the wind; else one,
+        # whose name ends with the underscore
         several = {"masses": [*agents, name], "wind": ["x", "y"]}
         spread = {
             f"{each}_{part}": table
@@ -225,6 +229,8 @@ class TeamCondition(Condition):
                     given.places[-1][k] + off
                 )
                 found |= {
+                    # the ramp in the member's path, from the true place of its grasp to
+                    # the supposed
                     f"{last}.reference.tip.{axis}.place.{k}.signals.1.height": off
                     for axis in "xyz"
                 }

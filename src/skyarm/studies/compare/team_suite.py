@@ -105,6 +105,7 @@ def under_law(document: Document, law: str) -> Document:
     if document["team"]["law"] == law:
         return document
     entries = dict(LAWS[law])
+    # entries that the other law has no option for are left out
     options = field_names(find("team", law)) or ()
     team = {
         key: entry for key, entry in document["team"].items() if key in options
@@ -183,6 +184,8 @@ class TeamSuite(SummarySuite[TeamFlights]):
                     seed=self.seed,
                     given=self.scenario,
                 )
+                # only a user's scenario may not fit; the shipped one is built when it
+                # flies
                 if why := "" if self.scenario == FLOWN else unfit(cell):
                     refused[f"{name} {law}"] = why
                 else:

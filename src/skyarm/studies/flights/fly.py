@@ -46,6 +46,7 @@ def fly_together(works: Sequence[Work], threads: int = 1) -> list[Rows]:
     first = works[0]
     ends = np.cumsum([work.count for work in works])[:-1]
     if first.alone:
+        # such a work is a group by itself (WorkRunner)
         return [{**_leading_columns(first), **_one_by_one(first)}]
     columns = {
         path: np.concatenate([np.asarray(work.columns[path]) for work in works])
@@ -167,6 +168,7 @@ def one_scenario(work: Work, k: int) -> Scenario:
         delays = replace(
             agents[name].delays,
             command=round(seconds * rate) / rate,
+            # a flight by itself needs no room for later commands
             longest_command=None,
         )
         agents[name] = replace(agents[name], delays=delays)

@@ -121,6 +121,7 @@ class Processes:
         closed first.
         """
         if abandon and self._pool is not None:
+            # of the pool's own, which another Python may name in another way
             results = getattr(self._pool, "_result_queue", None)
             self._pool.shutdown(wait=False, cancel_futures=True)
             with suppress(AttributeError, OSError):

@@ -164,6 +164,7 @@ class Ray:
         flying = self._flying
         sound = list[Flown]()
         self._flying = {}
+        # whoever abandons has an error already, which matters more
         with suppress(*([Exception] if abandon else [])):
             wait = {"num_returns": len(flying), "timeout": 0 if abandon else None}
             landed, left = self._ray.wait([*flying], **wait) if flying else ([], [])
@@ -210,6 +211,7 @@ def _begin(ray: ModuleType, address: str, workers: int) -> None:
                 ray.init(address=address, **QUIET)
             else:
                 ray.init("local", num_cpus=workers, include_dashboard=False, **QUIET)
+    # also of Ctrl-C: processes that have begun must not stay behind
     except BaseException as error:
         ray.shutdown()
         if not isinstance(error, Exception):

@@ -102,6 +102,7 @@ def pack_rows(rows: Rows, metadata: Mapping[bytes, bytes]) -> bytes:
 def _texts(pa: ModuleType, column: Array) -> DictionaryArray:
     different, places = np.unique(column, return_inverse=True)
     texts = [text.encode() for text in different.tolist()]
+    # from buffers, since array() would import pandas; Arrow counts bytes in 32 bits
     ends = np.cumsum([0, *map(len, texts)]).astype(np.int32)
     strings = pa.StringArray.from_buffers(
         len(texts), pa.py_buffer(ends), pa.py_buffer(b"".join(texts))
@@ -440,6 +441,8 @@ class Store:
         """
         for other in self._files.get(label, ()):
             if other != path and (self.study or other.name in self.damaged):
+                # one that stays does no harm: damaged ones do not count, and of sound
+                # ones one does
                 with suppress(OSError):
                     other.unlink()
         self._files[label] = [path]
@@ -494,4 +497,5 @@ def name_of(label: str) -> str:
     plain = re.sub(r"[^\w.() -]+", "-", label, flags=re.ASCII)
     if plain == label and len(label) <= LONGEST:
         return label
+    # eight digits, chosen, tell labels apart that were cut or mended alike
     return f"{plain[:LONGEST]}-{hashlib.sha256(label.encode()).hexdigest()[:8]}"

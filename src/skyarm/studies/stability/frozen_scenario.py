@@ -111,6 +111,7 @@ def _split(
     for i, part in enumerate(getattr(scenario, field)):
         name = f"environment.{field}[{i}]"
         # one half, the median of a uniform number, for all that a start may draw
+        # a start may draw twice as many numbers as a period
         memory = part.start(scenario.rates.period, (0.5,) * (2 * part.uniforms))
         if not leaves(memory):
             memoryless.append(part)

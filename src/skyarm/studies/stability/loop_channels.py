@@ -131,6 +131,8 @@ def _pushes(rotors: Sequence[Rotor], speeds: Array, size: int) -> list[LoopChann
     # no rotor pushes in this direction: its row stays zero
     lengths[lengths == 0.0] = 1.0
     scaled = B / lengths
+    # rows have unit length: 1e-6 is far above rounding, and far below a push that
+    # counts
     axes = 6 if np.linalg.matrix_rank(scaled, tol=1e-6) == 6 else 4
     # the thrust of a rotor that stands has no slope
     if (

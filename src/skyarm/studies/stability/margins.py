@@ -123,6 +123,8 @@ def gain_edge(
 ) -> float:
     """Gain factor at the stability boundary, searched from 1 in steps; ``limit`` if
     stable up to there.
+
+    ``stride`` is the factor of a step: above 1 to search upward, below 1 downward.
     """
     nearer = min if limit > 1.0 else max
     good = 1.0

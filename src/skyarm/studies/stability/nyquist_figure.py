@@ -30,6 +30,7 @@ def nyquist_figure(loci: Sequence[Locus]) -> Figure:
     -1 over the lowest gain to -1 over the highest. At a margin of 2 it is the left half
     plane.
     """
+    # a quarter of an inch more, chosen, for the title above each
     figure, axes = PAPER.tiles(len(loci), ACROSS, (DIAGRAM, DIAGRAM + 0.25))
     for ax, locus in zip(axes, loci, strict=True):
         _diagram(ax, locus)

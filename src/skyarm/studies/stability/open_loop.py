@@ -82,6 +82,7 @@ def stencil_points(base: Array, attitude: Quaternion) -> tuple[Array, Array]:
             column = 4 * direction + j
             if 3 <= direction < 6:
                 v = [0.0, 0.0, 0.0]
+                # a quaternion turns by half of the angle
                 v[direction - 3] = 0.5 * steps * width
                 points[3:7, column] = list(_rotate(attitude, v))
             else:
@@ -327,6 +328,7 @@ class Differentiator:
         still = [
             self._outputs_of(base[:, None], row, late, given)[:, 0] for late in lates
         ]
+        # in the order of _open_period: state, measurement, memory of the law, command
         outs = [sizes[0], sizes[4], sizes[3], sizes[1]]
         parts = [
             derivatives(result, at, widths, outs)
@@ -379,6 +381,7 @@ class Differentiator:
         if not carry.agent.sensors[0].waiting:
             made = self._outputs_of(base[:, None], row, 0, given)[:, 0]
             base[sum(sizes[:4]) : sum(sizes[:5])] = made[ends[0] : ends[1]]
+        # computed anew, since the command follows from the measurement filled in above
         if len(carry.agent.queue) == 1:
             made = self._outputs_of(base[:, None], row, 0, given)[:, 0]
             base[sizes[0] + sizes[1] : sum(sizes[:3])] = made[ends[2] : ends[3]]

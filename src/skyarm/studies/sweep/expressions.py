@@ -102,6 +102,7 @@ class Expression:
         given = np.broadcast_arrays(
             *(self._value(each, numbers) for each in _operands(node))
         )
+        # errors are told below, with their places
         with np.errstate(all="ignore"):
             values = np.asarray(OPERATIONS[_operation(node)](*given))
         # what was NaN before, as a metric of an episode that did not fly, stays so and

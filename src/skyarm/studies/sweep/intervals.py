@@ -74,6 +74,8 @@ def quantile_intervals(
     ]
 
 
+# every metric asks for the same counts and shares; 256 is chosen: a miss takes about a
+# millisecond for 10 000 values, and 4 s for a million (measured)
 @lru_cache(maxsize=256)
 def _interval_ranks(
     count: int, share: float, confidence: float
@@ -114,6 +116,7 @@ MOST_DEGREES = 10_000
 are 0.01 % above the normal's."""
 
 
+# as above: one number of degrees for all metrics; a miss takes up to 0.1 s (measured)
 @lru_cache(maxsize=256)
 def _student_quantile(degrees: int, confidence: float) -> float:
     """Largest size of Student's t that a probability of ``confidence`` leaves, by

@@ -127,6 +127,7 @@ def axis(
             ]
         )
         return Axis(path=path, edges=edges, label=label)
+    # the root, since a map has so many cells both ways
     cells = int(np.clip(np.sqrt(values.size / PER_CELL), FEWEST, MOST))
     low = float(different[0])
     high = float(different[-1])

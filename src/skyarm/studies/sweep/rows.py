@@ -121,6 +121,7 @@ def _counts(path: Path, piece: Piece, manifest: Manifest) -> bool:
     """True if a result file is undamaged, of this study and of this chunk of
     episodes.
     """
+    # names of old files have no digest: these are read in whole, and bear a mark
     content = sound_content(path, named=not manifest.old)
     if content is None:
         return False

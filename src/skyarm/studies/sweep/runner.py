@@ -152,6 +152,7 @@ def _part(text: str | None) -> tuple[int, int]:
     """First chunk of episodes and stride between chunks, for one machine's share "K/N"
     of a sweep.
     """
+    # six digits, chosen: a million machines
     match = re.fullmatch(r"(\d{1,6})/(\d{1,6})", "1/1" if text is None else str(text))
     if not match or not 1 <= int(match[1]) <= int(match[2]):
         raise StudyError(

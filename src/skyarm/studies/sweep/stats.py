@@ -247,6 +247,7 @@ def statistics(rows: Rows) -> Facts:
         facts["paired"][f"{one} - {other}"] = _success_difference(
             wins[one], wins[other]
         )
+    # one metric after the other, so that only its columns are in memory
     for metric in rows.metrics:
         columns = {
             controller: rows.of(controller, metric) for controller in rows.controllers

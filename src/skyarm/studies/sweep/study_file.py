@@ -155,6 +155,7 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
         "design": design,
         "episodes": _episodes(top, design, vary),
         "seed": seed,
+        # 4096 keep about 330 processors busy (docs/clusters.md)
         "chunk": whole_number(top.take("chunk", 4096), "chunk", 1, LARGEST_CHUNK),
         "precision": top.choice("precision", PRECISIONS, "double"),
         "windows": record_from(Windows, top.inner("windows")),

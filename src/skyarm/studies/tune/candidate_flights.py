@@ -277,6 +277,7 @@ class CandidateFlights:
             jitter=np.nan_to_num(jitter, nan=LOST, posinf=LOST),
             lost=lost,
             saturated=(
+                # a flight that ended before the window counts as limited all along
                 np.nan_to_num(np.max(limited, axis=0), nan=1.0)
                 if limited
                 else np.full(lost.shape, np.nan)
@@ -427,7 +428,10 @@ def activity(jitter: Array | float, effort: Array | float) -> Array:
     """
     efforts = doubles(effort)
     return np.log(jitter + SMALLEST) + np.where(
-        efforts > 0.0, np.log(efforts + SMALLEST), 0.0
+        # zero is of a vehicle without joint torques, of which no ratio counts
+        efforts > 0.0,
+        np.log(efforts + SMALLEST),
+        0.0,
     )
 
 

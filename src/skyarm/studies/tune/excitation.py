@@ -118,6 +118,7 @@ def unseen_motion(vehicle: Vehicle) -> Trajectory:
             )
         )
 
+    # frequencies and phases are chosen so that no two joints swing alike
     joints = []
     for i, joint in enumerate(vehicle.joints):
         rest, size = rest_and_size(joint, vehicle.n)
@@ -241,6 +242,7 @@ def rest_and_size(joint: Joint, joints: int) -> tuple[float, float]:
     middle.
     """
     low, high = joint.ends
+    # 0.25 rad or m, chosen, where the limits are wide or missing
     size = min(0.25, 0.1 * (high - low))
     return min(max(0.0, low + 4.0 * size), high - 4.0 * size), size * min(
         1.0, TOGETHER / joints
@@ -335,6 +337,8 @@ def tuning_flight(
         with_words(scenario.as_begun.with_kind("rigid_body"), **motions),
         noise=with_noise(scenario.agent).noise,
         delays=delays,
+        # what differs from plant to plant is drawn, payloads too; in a world most
+        # motions would end at a wall
         faults=(),
         payloads=(),
         initial=None,

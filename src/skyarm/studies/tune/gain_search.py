@@ -222,6 +222,7 @@ def scatter(
     centres = begin[1:] if len(begin) > 1 else begin
     # 0.6 of the box to both sides, chosen
     speeds = np.linspace(-0.6, 0.6, LINE) * BOX
+    # half: a stiffness, of exponent 2, takes the whole factor, and a damping its root
     line = speeds[:, None] * np.array([exponent(knob) for knob in knobs]) * 0.5
     if len(begin) == 1:
         # nobody knows which way these are off: every other point has one factor for all
@@ -229,6 +230,7 @@ def scatter(
         line[::2] = speeds[::2, None]
     rest = max(count - len(begin) - LINE, 0)
     # a run of points for each seed; point 0 is a corner
+    # those of the next seed begin 4096 further: more than a usual scatter has
     numbers = np.arange(1 + 4096 * seed, 1 + 4096 * seed + rest)
     # of knobs beyond Sobol's dimensions
     points = np.random.default_rng(seed).uniform(size=(rest, len(knobs)))

@@ -112,11 +112,13 @@ class HoverMargins:
                 calm(scenario),
                 [f"controller.{'.'.join(place)}" for place, _ in numbers],
             )
+        # gains of a loop that cannot be linearised are judged by their flights alone
         except ValueError as error:
             self._why_none = str(error)
         required = required_margins(scenario)
         step = 1.0 / scenario.rates.physics
         # delays of a linearised loop are whole physics steps
+        # rounding of the quotient must not add a step
         self._delay = math.ceil(RESERVE * required.delay / step - 1e-9) * step
         self._gain = RESERVE * required.gain
 
@@ -164,6 +166,8 @@ class HoverMargins:
 def failed_tests(loop: OpenLoop, delay: float, gain: float) -> float:
     """Sum of penalties for the delay and gain margins that a linearised loop misses; 0
     if it misses none.
+
+    ``delay`` is in s; ``gain`` is a factor above 1, whose inverse is tested as well.
     """
     tests = [{"extra_delay": delay}]
     tests += [

@@ -185,6 +185,7 @@ def _gains_within(
     """Tunable gains in a nested dataclass of a controller's parameters, by the units of
     its fields.
     """
+    # a vector is one gain, whose numbers keep their ratios
     if is_record(record) and not isinstance(record, Vec3):
         declared = declared_fields(type(record))
         for name, value in parts(record).items():
@@ -194,6 +195,7 @@ def _gains_within(
             yield from _gains_within(
                 value,
                 (*place, name),
+                # a part without a unit has that of what it is a part of
                 own if own is not NUMBER else unit,
                 _fixed_length(kind),
             )
@@ -227,6 +229,7 @@ def _knob(place: Place, record: Tree, unit: Unit) -> GainKnob | None:
     numbers = tuple(
         (at, value)
         for at, value in walk(record, place)
+        # whole numbers and flags are counts and choices, and no gains
         if type(value) is float and value > 0.0
     )
     return (

@@ -96,6 +96,7 @@ def team_flight(scenario: Scenario) -> Scenario:
     for member in team.members:
         own = agents[member.agent].reference
         if own.tip is not None and team.motion is not None:
+            # stated, the true place gives the path a ramp, whose height can then vary
             path = replace(member, taken=member.taken or member.place).path(
                 team.motion, team.take
             )
@@ -131,6 +132,7 @@ def grasp_numbers(scenario: Scenario, member: int, along: Array) -> Columns:
     """
     team = team_of(scenario)
     agent = team.members[member].agent
+    # of equal masses, so that outward is from the middle of all grasps
     equal = team.with_masses([1.0] * len(team.members))
     outward = equal.outward([each.place for each in team.members])[member]
     held = enumerate(cast("Contact", scenario.world).grasps)
@@ -144,6 +146,7 @@ def grasp_numbers(scenario: Scenario, member: int, along: Array) -> Columns:
         tip = f"agents.{agent}.reference.tip"
         paths = [
             f"team.members.{member}.place.{axis}",
+            # the ramp in the member's path, from the true place to the supposed one
             *(f"{tip}.{c}.place.{k}.signals.1.height" for c in "xyz"),
         ]
         on_cable = scenario.agents[agent].reference.tip is None
@@ -174,6 +177,7 @@ def draw_team_plants(
     # resize repeats the kinds in turn
     kinds = np.resize([AS_IT_IS, MASSES, *offs] if mixed else offs, count)
     values: Columns = {}
+    # the last column is of the grasps, below
     for paths, numbers in zip(own, drawn.T, strict=False):
         factor = 1.0 + spread.mass * numbers * ((kinds == MASSES) | (not mixed))
         values |= {path: number_at(scenario, path) * factor for path in paths}
@@ -226,6 +230,7 @@ class TeamCandidates(CandidateFlights):
     def _errors_of(self, metrics: Mapping[str, Array], lost: Mask) -> dict[str, Array]:
         position, pull = (penalize(metrics[name], lost) for name in (POSITION, PULL))
         return {
+            # geometric mean, in which ratios of metres and of newtons count alike
             "error": np.sqrt(position * pull),
             # the search has one set of names for vehicles and teams: what a team lacks
             # repeats the position, or counts nothing

@@ -314,6 +314,7 @@ class Tuner:
         return [
             Point(
                 logs=tuple(row.tolist()),
+                # the geometric mean of both flights, in which their ratios count alike
                 error=math.sqrt(float(scored.error[i]) * float(again.error[i])),
                 saturated=float(np.median(flown.saturated[i])),
                 margins=margins[i],

@@ -37,11 +37,11 @@ STAGES = 3
 
 HORIZON, FORGET = 0.25, 0.7
 """Prediction horizon (s) and forgetting rate (1/s) of the force trend, as in
-:class:`TrendGains`."""
+:class:`TrendGains`; chosen."""
 
 CHANCE = 0.5
 """Regression slope of past predictions up to which a force rate is not used: turbulence
-reaches it by chance."""
+reaches it by chance. Chosen."""
 
 AHEAD = 1.0
 """Least observer bandwidth (rad/s) assumed in the delay over which a force is
@@ -49,7 +49,8 @@ predicted."""
 
 SLOWEST, STEEPEST = 0.1, 5.0
 """Rates of the force per mass (m/s^3) that are too small to detect, and too large to
-continue."""
+continue; chosen. A rate that was trusted by chance and from steps lost the hexarotor
+with six joints in gusts."""
 
 
 @immutable

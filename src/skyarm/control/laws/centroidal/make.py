@@ -71,7 +71,7 @@ __all__ = ["ENTRIES", "make_centroidal"]
 
 YAW_SLACK = 5.0
 """Largest yaw acceleration error (rad/s^2) that keeping the thrust may cause, with the
-joints at zero."""
+joints at zero; chosen."""
 
 
 def make_centroidal(
@@ -181,7 +181,7 @@ def make_centroidal(
         center=CenterGains(
             tilt=gains["tilt"],
             # the attitude is that of this force, which must not vanish without gravity
-            # either
+            # either; 0.15 of the weight is chosen
             floor=0.15 * vehicle.mass * model.gravity + 1e-3,
             sideways=sideways,
         ),

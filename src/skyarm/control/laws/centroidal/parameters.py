@@ -62,7 +62,7 @@ OWN = ("lag", "noise", "trend", "adaptation")
 """Names of the optional parts that also work without contact."""
 
 BENT = 3.0
-"""Joint levers over ``damping`` at which half of the bracing is left."""
+"""Joint levers over ``damping`` at which half of the bracing is left; chosen."""
 
 
 @immutable

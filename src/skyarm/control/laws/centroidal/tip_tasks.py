@@ -172,6 +172,9 @@ def joints_of_turns(
 ) -> Scalars:
     """Joint motion that gives each link a desired rotation (base axes), by regularised
     least squares.
+
+    ``directions`` are the joint axes, ``turns`` the rotations of the links, their rates
+    or accelerations, and ``preferred`` those of the joints for the rest.
     """
     problem = LeastSquares(vehicle.n)
     for i, turn in enumerate(turns):

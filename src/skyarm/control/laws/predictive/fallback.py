@@ -42,34 +42,38 @@ from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement, blank_measurement
 
 WORST = {"position": 0.15, "velocity": 1.5, "tool": 0.15, "joints": 1.0}
-"""Errors of a flight (m, m/s, m, and rad or m) that are acceptable for a moment."""
+"""Errors of a flight (m, m/s, m, and rad or m) that are acceptable for a moment;
+chosen."""
 
 TIMES = 10.0
 """Largest cost of an acceptable plan, over that of the errors :data:`WORST`. Plans that
 lead nowhere cost 1e5 and more."""
 
 GOOD = 10
-"""Number of acceptable plans in a row before plans are flown again."""
+"""Number of acceptable plans in a row before plans are flown again; chosen: a
+tenth of a second with a plan in each second period of 5 ms."""
 
 REST = (0.3, 5.0)
 """Least time (s) under the substitute law, computed torque, at first and after many
-hand-overs."""
+hand-overs; chosen. It doubles, so that a law that fails again and again flies less."""
 
 FLOOR = 0.4
-"""Smallest vertical force of the substitute law over the vehicle's weight."""
+"""Smallest vertical force of the substitute law over the vehicle's weight; chosen."""
 
 LEAN = 0.7
 """Tangent of the largest tilt of the substitute law: 35 degrees, at which a hover takes
 1.22 times its thrust. One that leans further may not climb as well."""
 
 TURN = 0.5
-"""Largest heading error (rad) of the substitute law; a larger one is clipped."""
+"""Largest heading error (rad) of the substitute law; a larger one is clipped.
+Chosen."""
 
 SMALL = 1e-9
 """Horizontal specific force (m/s^2) below which its direction is undefined."""
 
 FORGIVEN = 3.0
-"""Time (s) of flight by plans after which a further hand-over counts as the first."""
+"""Time (s) of flight by plans after which a further hand-over counts as the first;
+chosen."""
 
 
 @positional

@@ -166,7 +166,8 @@ class PredictiveParameters:
 
 
 LATE = 0.08
-"""Time (s) by which the preview of a plan is longer than the horizon."""
+"""Time (s) by which the preview of a plan is longer than the horizon: as a held
+sample may be old (20 ms), and commands late (12 periods of 5 ms)."""
 
 EngineKey = tuple[
     Model, Weights, Bandwidths, str, int, float, int, float, InteractionGains | None
@@ -175,7 +176,8 @@ EngineKey = tuple[
 and gains of contact."""
 
 KEPT = 16
-"""Largest number of compiled predictive controllers in the cache."""
+"""Largest number of compiled predictive controllers in the cache; chosen. A miss
+costs a tenth of a second or more (measured)."""
 
 
 @positional
@@ -251,6 +253,8 @@ def stage_lengths(stages: int, every: int, horizon: float, dt: float) -> Array:
     geometric growth.
     """
     powers = np.maximum(np.arange(stages) - every + 1, 0)
+    # a stage is ten times the one before at most: where that is too little, the horizon
+    # is shorter
     low, high = 1.0, 10.0
     # sixty halvings of the interval leave less than rounding
     for _ in range(60):
@@ -492,18 +496,18 @@ def make_predictive_controller(
 
 LONGEST_ERROR = 0.15
 """Largest base position error (m) in the cost; a larger one is clipped, so that a step
-does not saturate everything."""
+does not saturate everything. Chosen, the error that a plan may have for a moment."""
 
 WIDEST_ERROR = 1.5
-"""Largest joint error (rad or m) in the cost; a larger one is clipped."""
+"""Largest joint error (rad or m) in the cost; a larger one is clipped. Chosen."""
 
 WIDEST_TURN = 1.0
 """Largest heading error (rad) in the cost, which takes its sine; a larger one is
-clipped."""
+clipped: at pi/2 the sine has no slope. Chosen."""
 
 BEARABLE = 0.8
 """Largest predicted disturbance of a joint as a fraction of its drive's limit; the
-remainder moves the arm."""
+remainder moves the arm. Chosen: a fifth is left to move against it."""
 
 
 def problem_at(

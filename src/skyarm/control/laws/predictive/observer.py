@@ -264,21 +264,24 @@ NOT_READ: dict[str, Any] = {"tilts": (), "tip_force": (), "switches": (), "holds
 use."""
 
 LONGEST = 12
-"""Longest command delay (control periods) that is considered."""
+"""Longest command delay (control periods) that is considered; chosen, 60 ms at 200
+Hz."""
 
 MEMORY = 0.5
-"""Time constant (s) over which past differences of rotor speeds are averaged."""
+"""Time constant (s) over which past differences of rotor speeds are averaged;
+chosen."""
 
 LEAST = 10
-"""Number of measurements before the command delay is estimated."""
+"""Number of measurements before the command delay is estimated; chosen:
+rotors must have changed their speeds first."""
 
 CLEAR = 0.25
 """Ratio of mean squared differences below which another command delay replaces the
-estimated one."""
+estimated one; chosen: half of the difference, so that noise does not decide."""
 
 NOTICED = 0.5
 """Root mean square difference of rotor speeds (rad/s) below which the estimated command
-delay is not changed."""
+delay is not changed; chosen, a thousandth of a small rotor's speed in hover."""
 
 
 @positional

@@ -50,6 +50,7 @@ class Compiled(Generic[Result]):
     """
 
     def __init__(self, function: Callable[..., Result], *examples: Tree) -> None:
+        # one lane: rows of arguments come one after the other, and results are logged
         self.kernel = Kernel(trace_call(function, *examples), Lanes(1), logging=True)
 
     def __call__(self, *parts: Array) -> Array:
@@ -451,7 +452,7 @@ def rollout(
 
 PASSES = 3
 """Number of passes in which inputs at their limits are fixed and the others solved
-again."""
+again; chosen: each costs a recursion, and the rollout clips what is left."""
 
 SHARES = np.array([1.0, 0.7, 0.45, 0.25, 0.12, 0.05, 0.02, 0.0])
 """Step sizes of the line search, as fractions of the feed-forward step: all are tried
@@ -463,7 +464,7 @@ derivatives. Below it is none."""
 
 GROWTH = 8.0
 """Factor by which damping grows after a step cut by more than half, and shrinks after
-an uncut one."""
+an uncut one; chosen: seven from the least to the largest."""
 
 
 class NoPlanError(Exception):

@@ -48,7 +48,7 @@ STEEPEST = 0.6
 sideways."""
 
 FLATTEST = 0.3
-"""Least cosine of the tilt, a divisor of the thrust."""
+"""Least cosine of the tilt, a divisor of the thrust; chosen: that of 73 degrees."""
 
 
 def bulut_computed_torque(

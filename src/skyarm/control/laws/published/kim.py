@@ -66,6 +66,8 @@ ACCELERATION = "m/s^2, rad/s^2, rad/s^2"
 class SlidingParameters(Parameters):
     """Constants of the sliding mode law in addition to the gains.
 
+    The defaults are chosen, as the text at hand is a summary.
+
     Attributes:
         switching: eta of position (m/s^2), attitude (rad/s^2) and joints (rad/s^2).
         boundary: width of the boundary layer of s, m/s, rad/s, rad/s.

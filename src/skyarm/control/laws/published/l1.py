@@ -73,7 +73,7 @@ from skyarm.sensing.measurement import Measurement
 
 def adaptation(error: Scalar, rate: Scalar, dt: Scalar) -> Scalar:
     """Piecewise-constant disturbance estimate of one velocity channel, from its
-    prediction error.
+    prediction error; ``rate`` is its a, 1/s.
 
     The error that sigma makes in one period from ztilde = 0 is e^(a dt) times itself:
     the next sigma cancels it.

@@ -51,7 +51,7 @@ from skyarm.records.units import Unit, nonnegative
 from skyarm.vehicle import Vehicle
 
 LIGHTEST, HEAVIEST = 0.01, 1000.0
-"""Least and largest mass (kg) of the admittance's virtual body."""
+"""Least and largest mass (kg) of the admittance's virtual body; chosen."""
 
 FASTEST = 50.0
 """Largest bandwidth (rad/s) of the admittance's virtual body: no loop of an arm follows

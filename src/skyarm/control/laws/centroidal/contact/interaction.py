@@ -282,7 +282,7 @@ def shift_reference(pressing: Pressing, signals: Sequence[Taylor]) -> list[Taylo
 
 
 SLOW = 0.02
-"""Speed (m/s) below which the direction of sliding is uncertain."""
+"""Speed (m/s) below which the direction of sliding is uncertain; chosen."""
 
 STEEPEST = 0.4
 """Largest component of the estimated tilt of a surface normal: 20 degrees and more for
