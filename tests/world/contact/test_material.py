@@ -186,3 +186,10 @@ def test_left_out_a_material_is_that_of_the_measurements():
 def test_numbers_that_no_material_has_are_refused(field, value, allowed):
     with pytest.raises(ValueError, match=rf"{field} = .*{allowed}"):
         Material(**{field: value})
+
+
+def test_a_material_that_brakes_a_hit_harder_asks_for_shorter_steps():
+    """Damped by 5 s/m, a hit at 1.2 m/s is 1 + 2 * 6 times as stiff."""
+    assert Material(dissipation=5.0).largest_step == pytest.approx(
+        2.2 * math.sqrt(0.02 / (13.0 * 5000.0)), rel=1e-12
+    )
