@@ -154,6 +154,7 @@ def test_a_command_of_ones_own_may_have_a_field_that_only_type_checkers_know() -
 class Tower:
     height: Annotated[Scalar, Unit("m")] = 1.0
     weight: Annotated[Scalar, Unit("N", low=0.0)] = 1.0
+    pull: Annotated[Scalar, Unit("m/s^2")] = 1e6
     lasts: Annotated[Scalar, Unit("s", infinite=True)] = 1.0
     rank: Annotated[Scalar, Unit("")] = 1.0
 
@@ -167,6 +168,7 @@ class Tower:
         ({"height": 2e7}, "height = 20000000.0: must be at most 1e+07 in size"),
         ({"height": -1e308}, "height = -1e+308: must be at most 1e+07 in size"),
         ({"weight": 1e13}, "weight = 10000000000000.0: must be at most 1e+12"),
+        ({"pull": 1.001e6}, "pull = 1001000.0: must be at most 1e+06 in size"),
     ],
 )
 def test_a_number_with_a_unit_is_bounded_though_its_field_names_no_bound(

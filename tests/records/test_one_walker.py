@@ -13,6 +13,7 @@ from skyarm.control.model import Model
 from skyarm.records.leaves import (
     as_data,
     is_leaf,
+    is_record_class,
     leaves,
     mismatch,
     named_leaves,
@@ -152,3 +153,16 @@ def test_a_tuned_constant_that_is_not_there_is_named(path: str) -> None:
     assert list(changed.gains.position) == [
         3.0 * each for each in controller.par.gains.position
     ]
+
+
+def test_a_dataclass_is_a_class_of_records_and_neither_a_number_nor_a_record_is() -> (
+    None
+):
+    kinds = Outer, Inner, int, tuple[Inner, ...], RECORD, "Inner", None
+    assert [is_record_class(kind) for kind in kinds] == [True, True, *[False] * 5]
+
+
+def test_a_number_in_place_of_a_record_or_of_a_text_is_a_mismatch() -> None:
+    for example, other in ((1.5, "x"), ("x", 1.5), (Inner(4.0), 1.5), (1.5, (1.0,))):
+        assert mismatch(example, other, "r") == f"r is {other!r}, not {example!r}"
+    assert mismatch(1.5, 2.5, "r") is None

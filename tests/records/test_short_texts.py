@@ -140,3 +140,10 @@ def test_two_scenarios_of_one_text_keep_two_digests() -> None:
     assert identity(one) != identity(two)
     assert one != two
     assert whole_text(one) != whole_text(two)
+
+
+def test_a_text_of_just_the_largest_length_keeps_its_value() -> None:
+    record = Held(first="")
+    whole = Held(first="y" * (LONGEST - len(repr(record))))
+    assert len(repr(whole)) == LONGEST == 300
+    assert repr(whole).count("y") == LONGEST - len(repr(record))
