@@ -265,3 +265,32 @@ def test_the_plot_shows_forces_where_all_flights_have_them_and_errors_else() -> 
     errors = plotted(False, False)
     assert plotted(True, False) == errors
     assert plotted(True, True) != errors
+
+
+def test_the_axis_of_a_film_of_one_frame_is_a_second_that_begins_with_it() -> None:
+    begin, change = 5.0, 5.25
+    (filmed,) = film_flights([flight()], np.zeros(1))
+    time = np.linspace(begin, begin + 1.0, 401)
+    one = dataclasses.replace(
+        filmed,
+        error_time=time,
+        error_curve=np.where(time < change, 0.1, 0.9),
+        color=(1.0, 0.0, 0.0),
+        end=10.0,
+    )
+    layout = frame_layout(640, 360, 1, "side", plot=True)
+    assert layout.plot is not None
+    captions = Captions([one], np.array([begin]), layout, "A title")
+    part = inside(captions.frame(DRAWN, 0), layout.plot)
+    red = (part[:, :, 0] > 200) & (part[:, :, 1] < 90)
+    # the jump is where the curve has most pixels above one another
+    step = int(red.sum(axis=0).argmax())
+    strip = error_strip(
+        [Curve(time, one.error_curve, one.color)],
+        (0.0, 1.0),
+        640,
+        layout.plot.height,
+        layout.scale,
+    )
+    share = (step - strip.left) / (strip.right - strip.left)
+    assert share == pytest.approx(change - begin, abs=0.02)

@@ -5,7 +5,8 @@ names, the end of a flight.
 from __future__ import annotations
 
 import dataclasses
-from typing import get_args
+from types import SimpleNamespace
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -13,11 +14,12 @@ import pytest
 from skyarm import run, scenario_from
 from skyarm.log.tip_positions import level_tip
 from skyarm.view.film.camera_paths import CAMERAS
-from skyarm.view.film.captions import frame_layout
+from skyarm.view.film.captions import Box, frame_layout
 from skyarm.view.film.filmed_flight import film_flights, flight_labels
 from skyarm.view.film.make_film import (
     Camera,
     FilmSettings,
+    _seen_box,
     film_panels,
     frame_times,
     size_of,
@@ -429,3 +431,21 @@ def test_a_payload_is_drawn_where_it_is_taken_held_and_left() -> None:
     assert not [
         solid for solid in vehicle_solids(early) if solid.shape.role == "payload"
     ]
+
+
+@pytest.mark.parametrize(
+    ("shape", "seen"),
+    [
+        # 0.75 of its width is the height of the panel: as much is free at both sides
+        ((30, 40), Box(110, 20, 80, 60)),
+        # a tenth of it: as much is free above and below
+        ((4, 40), Box(10, 36, 280, 28)),
+    ],
+)
+def test_a_camera_s_picture_is_in_the_middle_of_its_panel(
+    shape: tuple[int, int], seen: Box
+) -> None:
+    flown: Any = [SimpleNamespace(cameras={"eye": SimpleNamespace(shape=shape)})]
+    panel = Box(10, 20, 280, 60)
+    assert _seen_box(panel, "eye", flown) == seen
+    assert _seen_box(panel, "follow", flown) == panel
