@@ -16,6 +16,7 @@ from skyarm.records.files import read_toml
 from skyarm.records.path_names import agent_of
 from skyarm.reference.planned_motion import PlannedBody
 from skyarm.reference.signals import Constant
+from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.payload_tables import scheduled_changes
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
 from skyarm.simulate.first_state import first_loop_state
@@ -556,3 +557,15 @@ def test_a_grasp_that_has_opened_pulls_with_no_arrow() -> None:
         )
     assert 0.1 < arrows[8] < 2.0
     assert arrows[40] == 0.0
+
+
+@pytest.mark.parametrize("pitch", [0.4, -1.2, 2.5])
+def test_the_tilt_is_the_angle_of_the_base_against_the_vertical(pitch: float) -> None:
+    one = with_numbers(
+        skyarm.load_scenario("case1"), {"initial.yaw": 1.0, "initial.pitch": pitch}
+    )
+    start: Any = SimpleNamespace(
+        scenario=one, now=first_loop_state(one), time=0.0, tick=0
+    )
+    (seen,) = sights(start)
+    assert seen.tilt == pytest.approx(abs(pitch), abs=1e-12)

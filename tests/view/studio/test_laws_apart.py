@@ -17,6 +17,7 @@ from skyarm.simulate.first_state import first_state
 from skyarm.view.picture.marks import tones_of
 from skyarm.view.studio import picture
 from skyarm.view.studio.controls import Chart, add_clock
+from skyarm.view.studio.page import Page
 from skyarm.view.studio.picture import (
     COLORS,
     LOST,
@@ -204,3 +205,22 @@ def test_a_lost_vehicle_turns_red_and_back(monkeypatch: pytest.MonkeyPatch) -> N
         texts.append(nodes._label.text)
     assert colors == [tones_of(LOST)("base"), tones_of(COLORS[0])("base")]
     assert texts == ["one", "one: lost", "one: lost", "one"]
+
+
+@pytest.mark.parametrize(
+    ("flights", "making", "tick", "flown"),
+    [(1, 1, 0, []), (1, 1, 7, [0.5]), (1, 0, 0, [0.5]), (0, 0, 0, [])],
+    ids=["first of two", "another joins", "all are made", "none"],
+)
+def test_laws_begin_together_and_fly_on_while_another_is_made(
+    flights: int, making: int, tick: int, flown: list[float]
+) -> None:
+    seconds: list[float] = []
+    page: Any = SimpleNamespace(
+        fleet=SimpleNamespace(
+            flights=[None] * flights, tick=tick, advance=seconds.append
+        ),
+        _making=making,
+    )
+    Page._advance(page, 0.5)
+    assert seconds == flown
