@@ -19,6 +19,8 @@ from skyarm.reference.path_time import governed_reference
 from skyarm.reference.signals import Product, Ramp, Signal, Windowed, sequence
 from skyarm.scenario.in_flight import with_part
 from skyarm.scenario.path_governor import GovernorOptions, PathLimits, _reasons_against
+from skyarm.scenario.path_plan import Ceilings
+from skyarm.scenario.path_plan import follow as law_of_time
 from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.studies.assess.along_reference import follow
@@ -480,3 +482,13 @@ def test_a_reference_that_takes_another_s_place_is_governed_by_its_own_table():
             {"kind": "hover", "position": [0.0, 0.0, 1.0]},
         )
     assert with_part(governed_one, "reference", moving).path_time is None
+
+
+def test_points_of_a_law_of_time_are_whole_nanoseconds_next_to_its_line():
+    """It begins at the largest power of 0.93 below its bound, in steps of 0.2 s."""
+    ceilings = Ceilings(duration=2.0)
+    ceilings.rate[:] = 0.4
+    points = np.array(law_of_time(ceilings, 2.0).points[:5])
+    line = 0.2 * 0.93**13 * np.arange(-2, 3)
+    assert np.abs(points - line).max() <= 0.5e-9 + 1e-15
+    assert np.allclose(1e9 * points, np.rint(1e9 * points), rtol=0.0, atol=1e-6)

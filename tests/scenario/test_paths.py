@@ -164,6 +164,17 @@ def test_two_names_of_one_number_do_not_vary_together(one, other):
         require_apart(load_scenario("case3_wind"), (one, other))
 
 
+@pytest.mark.parametrize(
+    "paths",
+    [
+        ("initial.roll", "initial.pitch", "initial.position.x"),
+        ("initial.quaternion.w", "initial.quaternion.x", "initial.position.x"),
+    ],
+)
+def test_angles_vary_together_with_a_place_and_a_quaternion_without_angles(paths):
+    require_apart(load_scenario("case3_wind"), paths)
+
+
 def test_the_mixer_follows_the_believed_rotors_by_any_name():
     scenario = load_scenario("case3_wind")
     names = (

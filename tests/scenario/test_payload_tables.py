@@ -17,6 +17,7 @@ from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.payload_tables import model_changes, scheduled_changes
 from skyarm.scenario.scenario_file import TwoLoadsWarning, scenario_from
+from skyarm.scenario.unlikely_numbers import load_warnings
 from skyarm.simulate.batch import Batch
 from skyarm.world import HangingPayload
 
@@ -281,3 +282,19 @@ def test_a_load_that_comes_in_flight_beside_a_stated_one_is_said(root, frame):
         assert carrier.mass - skyarm.load_vehicle(
             "hummingbird_arm2_rotors"
         ).mass == pytest.approx(held)
+
+
+@pytest.mark.parametrize(("cord", "low"), [(0.1, False), (5.0, True)])
+def test_a_cord_that_is_longer_than_the_way_down_is_told(cord, low):
+    """A metre above the ground."""
+    document = {
+        "schema": 1,
+        "name": "hangs",
+        "duration": 1.0,
+        "plant": {"vehicle": "hummingbird_arm2_rotors"},
+        "controller": {"preset": "centroidal_joint"},
+        "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}},
+        "payloads": [{"kind": "hanging", "mass": 0.1, "pick": 0.5, "cord": cord}],
+    }
+    lines = [*load_warnings(scenario_from(document))]
+    assert [line.startswith("payloads[0].cord: lets") for line in lines] == [True] * low
