@@ -5,10 +5,12 @@ damaged one line.
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
 import random
 import time
 import warnings
+import zipfile
 
 import numpy as np
 import pytest
@@ -171,3 +173,19 @@ def test_thirty_seconds_of_flight_are_written_in_seconds(tmp_path):
     path = skyarm.save_log(dataclasses.replace(log, **many), tmp_path / "long.mcap")
     assert time.process_time() - begun < 6.0
     assert path.stat().st_size > 10_000_000
+
+
+@pytest.mark.parametrize("name", ["time", "wind_force", "position"])
+def test_a_member_of_an_archive_that_is_no_array_is_one_line(name, files, tmp_path):
+    path = tmp_path / "bytes.npz"
+    with (
+        zipfile.ZipFile(io.BytesIO(files["npz"])) as whole,
+        zipfile.ZipFile(path, "w") as archive,
+    ):
+        assert f"{name}.npy" in whole.namelist()
+        for member in whole.namelist():
+            # NumPy gives the bytes of a member that has not its head
+            content = b"none" if member == f"{name}.npy" else whole.read(member)
+            archive.writestr(member, content)
+    with pytest.raises(ValueError, match=r"^log = '.*bytes\.npz': must be a log"):
+        skyarm.load_log(path)

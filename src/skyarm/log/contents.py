@@ -96,7 +96,9 @@ def log_of(content: Mapping[str, AnyArray], info: Plain) -> Log:
         "joints": np.shape(content["joints"])[1:],
         "rotors": np.shape(content["rotor_speeds"])[1:],
     }
-    for name, array in content.items():
+    for name, value in content.items():
+        # a damaged file may hold bytes in place of an array
+        array = np.asarray(value)
         if name in axes:
             width = axes[name]
         elif name in SCALARS:
