@@ -8,10 +8,12 @@ import errno
 import os
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from skyarm.records.files import writing as module
+from skyarm.records.files.earlier_files import naming
 from skyarm.records.files.writing import LOCK, TakenError, one_writer
 
 
@@ -45,6 +47,21 @@ def test_a_patient_writer_waits_for_the_end_of_another(
     monkeypatch.setattr(module.time, "sleep", sleep)
     with one_writer(tmp_path, patience=60.0):
         assert waits == [module.POLL] * 3
+
+
+def test_another_process_may_name_files_for_a_minute_and_no_longer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    instants = [0.0]
+    clock = SimpleNamespace(
+        sleep=lambda seconds: instants.append(instants[-1] + seconds),
+        monotonic=lambda: instants[-1],
+    )
+    with naming(tmp_path):
+        monkeypatch.setattr(module, "time", clock)
+        with pytest.raises(TakenError), naming(tmp_path):
+            pass
+    assert 60.0 <= instants[-1] < 60.1
 
 
 def test_it_ends_with_an_error_too(tmp_path: Path) -> None:
