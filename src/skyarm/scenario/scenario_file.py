@@ -183,7 +183,7 @@ def as_scenario(given: Scenario | PathLike, controller: str | None = None) -> Sc
 
 
 def is_scenario(name: str) -> bool:
-    """True if a name denotes a scenario: a shipped one, a scenario file or a log.
+    """True if a name denotes a scenario: a shipped one, a file of one or a log (.npz).
 
     All else is read as a vehicle, whose reader says what is wrong with a file that
     nobody can read.

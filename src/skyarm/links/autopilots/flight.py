@@ -59,7 +59,7 @@ NEAR = 0.15
 a smaller one is within an autopilot's own noise in hover."""
 
 SLOW = 0.15
-"""Largest speed (m/s) at hand-over."""
+"""Largest speed (m/s) at hand-over; chosen."""
 
 STEADY = 2.0
 """Time (s) within the limits of distance and speed before the flight begins; chosen,

@@ -199,6 +199,8 @@ class PX4Link(ProgramLink):
         record = self._record
         program = find_program(record, "px4")
         etc = find_etc(program)
+        # PX4 is instance 0 unless it was told another, and a program that runs already
+        # cannot be given any free one (-1)
         ports = open_ports(
             max(record.instance, 0) if record.outside else record.instance
         )
@@ -214,6 +216,7 @@ class PX4Link(ProgramLink):
             environment["PX4_SIM_MODEL"] = "none_iris"
             folder = self._make_folder()
             ours, theirs = ports.onboard.getsockname()[1], ports.partner[1]
+            # -r: bytes per second, as PX4's own scripts allow an onboard link
             (folder / LINKS).write_text(
                 f"mavlink start -u {theirs} -o {ours} -m onboard -r 4000000\n", "ascii"
             )

@@ -212,7 +212,7 @@ def own_failure(error: BaseException) -> str:
     while inner is not None:
         if not isinstance(inner, (ValueError, OSError, SystemExit)):
             # an error of another kind is no refusal, so the innermost user line is to
-            # blame
+            # blame; as a mere cause it is one that the library expected and has told of
             return failure(inner) if inner is error else ""
         if inner is not error and str(inner) not in str(error):
             return ""

@@ -47,7 +47,8 @@ SHARES, NOISES = (0.25, 0.5, 0.75, 1.0), 8
 """Fractions of the commanded force, and number of noise seeds of each."""
 
 ALLOWED = 0.05
-"""Largest mean force error over a flight, as a fraction of the commanded force."""
+"""Largest mean force error over a flight, as a fraction of the commanded force:
+chosen."""
 
 LIMITED = 0.05
 """Fraction of the periods with a rotor at its limit that a force may take: of 16

@@ -198,10 +198,12 @@ class TeamSuite(SummarySuite[TeamFlights]):
 
     def report(self, found: Record, pictures: Pngs = None) -> Report:
         """Report of the benchmark with one table: a row per condition and law."""
+        # rows of a scenario of the user's own bear a title without the shipped numbers
         word = "title" if self.scenario == FLOWN else "own"
         rows = []
         for row, cases in found["summaries"].items():
             title = ROWS[row].get(word, ROWS[row]["title"])
+            # a suite of a team flies one scenario, which is its only case
             ((case, laws),) = cases.items()
             rows += [
                 [

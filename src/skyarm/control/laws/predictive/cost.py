@@ -402,6 +402,8 @@ def predict_stage(
     dt: Scalar,
 ) -> State:
     """State after a stage of ``dt`` seconds under a constant contact force."""
+    # dry friction is that of the goal's joint rates: that of the state's own would make
+    # the stage as stiff as tanh is steep (prediction.accelerations)
     pushed, _ = under_contact(
         model, state, inputs.efforts, disturbance, goal.joint_rates, goal.contact
     )
