@@ -93,5 +93,5 @@ def refused(scenario: Scenario) -> None:
     dataclasses.replace(scenario.agent, plant=1)  # type: ignore[arg-type]
     dataclasses.replace(scenario.environment, wind=scenario.agent.plant)  # type: ignore[arg-type]
     scenario.with_controller(scenario.agent.plant)  # type: ignore[arg-type]
-    scenario.wind = NO_WIND  # type: ignore[misc]
+    scenario.duration = 2.0  # type: ignore[misc]
     scenario.plnt  # type: ignore[attr-defined]  # noqa: B018
