@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Sym3, Vec3, axis_rotation
+from skyarm.algebra.matrix import orientation_error
+from skyarm.algebra.scalars.taylor import Taylor, nth_derivative
 from support.engines import ENGINES, evaluate
 
 RNG = np.random.default_rng(5)
@@ -199,3 +201,24 @@ def test_units_and_described_vectors_are_structure():
         5.0,
         6.0,
     )
+
+
+def test_the_error_of_an_orientation_is_scipys_axis_times_the_sine_of_its_angle():
+    rotation = pytest.importorskip("scipy.spatial.transform").Rotation
+    for first, second in RNG.normal(size=(8, 2, 3)):
+        now, wanted = rotation.from_rotvec(first), rotation.from_rotvec(second)
+        turn = (wanted * now.inv()).as_rotvec()
+        angle = np.linalg.norm(turn)
+        rows = [
+            Mat3(*(Vec3(*row) for row in each.as_matrix())) for each in (now, wanted)
+        ]
+        found = orientation_error(*rows)
+        np.testing.assert_allclose(
+            list(found), turn / angle * np.sin(angle), atol=1e-14
+        )
+
+
+def test_a_smooth_length_is_the_length_and_has_the_slope_zero_at_zero():
+    assert Vec3(3.0, -4.0, 12.0).smooth_norm() == 13.0
+    zero = Vec3(*(Taylor.of_derivatives((0.0, 1.0)) for _ in range(3)))
+    assert nth_derivative(zero.smooth_norm(), 1) == 0.0

@@ -424,3 +424,27 @@ def test_a_rotor_with_a_table_turns_at_the_speed_of_its_thrust(planned):
     assert found[0] != pytest.approx(
         np.sqrt(float(vehicle.mass) * 9.81 / 4 / float(rotors[0].thrust_coefficient))
     )
+
+
+def test_the_rewards_of_shipped_tasks_are_those_that_policies_were_compared_by():
+    """Published returns of a task are comparable as long as its weights stay."""
+    weights = {
+        name: {type(term).__name__: term.weight for term in task.reward}
+        for name, task in NAMED.items()
+    }
+    assert weights["Hover"] == {
+        "PositionNear": 1.0,
+        "PositionDistance": 0.2,
+        "Spin": 0.5,
+        "ActionChange": 0.05,
+        "Lost": 10.0,
+    }
+    assert weights["Recover"] == {
+        "Upright": 1.0,
+        "PositionDistance": 0.1,
+        "Spin": 0.5,
+        "Alive": 0.1,
+        "Lost": 10.0,
+    }
+    seeing = weights["ReachWhatTheWristSees"]
+    assert (seeing["ActionChange"], seeing["Lost"]) == (0.05, 10.0)
